@@ -1,0 +1,1 @@
+"""Turns a model into an FMU that drops in anywhere."""

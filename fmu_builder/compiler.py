@@ -1,0 +1,274 @@
+"""The one place that calls the C compiler: zig, which comes with the pip package `ziglang`.
+
+An FMU's binary and a library loaded into Python are compiled with the same flags, so they give the same bits.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import functools
+import hashlib
+import os
+import platform as host
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+
+from fmu_builder.errors import BuildError, OutputError
+from fmu_builder.files import written_atomically
+
+FREESTANDING = Path(__file__).parent / "freestanding"
+_HIDDEN_EXPORT = '__attribute__((visibility("default")))'
+_WINDOWS_EXPORT = "__declspec(dllexport)"
+_FLAGS = (
+    *("-std=c99", "-O2", "-g0", "-s", "-shared", "-nostdlib", "-ffreestanding", "-fno-builtin"),
+    *("-fvisibility=hidden", "-fno-stack-protector", "-fno-sanitize=undefined"),
+    *("-ffp-contract=off", "-fno-math-errno"),  # the same bits on every platform
+    *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"),
+    *(
+        "-Wno-sign-conversion",
+        "-Wno-unused-function",
+    ),  # a unity build may leave functions of a library unused
+)
+_UNIX = ("-fPIC",)
+_WINDOWS = ("-lkernel32",)
+_MACOS = ("-fPIC", "-Wl,-undefined,dynamic_lookup", "-Wl,-install_name,@rpath/{output}")
+_INCLUDE_LINE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
+_SHOWN_LINES = 12
+_INTEL = ("x86_64", "amd64", "x86", "i386", "i486", "i586", "i686")
+
+
+@dataclass(frozen=True)
+class Target:
+    """One platform a shared library can be built for.
+
+    Attributes:
+        triple: zig's name of it; naming it selects the baseline processor, never the builder's own.
+        suffix: Ending of a shared library there.
+        flags: What this platform needs beside the common flags; `{output}` stands for the file name.
+        export: What the macro EXPORTED expands to.
+    """
+
+    triple: str
+    suffix: str
+    flags: tuple[str, ...]
+    export: str
+
+
+TARGETS: Mapping[str, Target] = {
+    "linux64": Target("x86_64-linux-gnu.2.17", ".so", _UNIX, _HIDDEN_EXPORT),
+    "linux32": Target("x86-linux-gnu.2.17", ".so", _UNIX, _HIDDEN_EXPORT),
+    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so", _UNIX, _HIDDEN_EXPORT),
+    "win64": Target("x86_64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
+    "win32": Target("x86-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
+    "aarch64-windows": Target("aarch64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
+    "darwin64": Target("x86_64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT),
+    "aarch64-darwin": Target("aarch64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT),
+}
+"""FMI 2.0 platform folder -> how to build for it."""
+
+
+def host_platform() -> str:
+    """Return the FMI 2.0 platform folder of the running Python.
+
+    Raises:
+        BuildError: This machine is none of `TARGETS`.
+    """
+    arm = host.machine().lower() in ("aarch64", "arm64")
+    wide = sys.maxsize > 2**32
+    if sys.platform.startswith("linux"):
+        name = ("aarch64-linux" if arm else "linux64") if wide else "linux32"
+    elif sys.platform == "win32":
+        name = ("aarch64-windows" if arm else "win64") if wide else "win32"
+    else:
+        name = {"darwin": "aarch64-darwin" if arm else "darwin64"}.get(sys.platform, sys.platform)
+    if name not in TARGETS or (not arm and host.machine().lower() not in _INTEL):
+        what = f"{sys.platform} on {host.machine()} is not a platform FMUs can be compiled for"
+        raise BuildError.of("this machine", what, f"Use one of: {', '.join(TARGETS)}")
+    return name
+
+
+def _temporary_folder() -> Path:
+    """Return a new folder that goes away with this process."""
+    folder = Path(tempfile.mkdtemp(prefix="pantograph-llmn-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+@functools.cache
+def cache_folder() -> Path:
+    """Return a folder of the user for compiled things; a temporary one when none can be written."""
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = base / "pantograph-llmn"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return _temporary_folder()
+
+
+@functools.cache
+def _zig() -> tuple[Path, str]:
+    """Return zig's path and version."""
+    mend = "Install it with: python -m pip install ziglang==0.17.1"
+    spec = find_spec("ziglang")
+    if spec is None or not spec.submodule_search_locations:
+        raise BuildError.of("C compiler", "the Python package ziglang is not installed", mend)
+    folder = Path(next(iter(spec.submodule_search_locations)))
+    program = folder / ("zig.exe" if sys.platform == "win32" else "zig")
+    if not program.is_file():
+        raise BuildError.of(str(program), "the zig compiler is missing from the package ziglang", mend)
+    return program, metadata.version("ziglang")
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment for zig: its caches with ours, nothing that changes what is compiled."""
+    unwanted = ("CPATH", "C_INCLUDE_PATH", "LIBRARY_PATH", "ZIG_LIB_DIR", "SOURCE_DATE_EPOCH")
+    kept = {name: value for name, value in os.environ.items() if name not in unwanted}
+    zig_cache = str(cache_folder() / "zig")
+    return kept | {"ZIG_GLOBAL_CACHE_DIR": zig_cache, "ZIG_LOCAL_CACHE_DIR": zig_cache}
+
+
+def _flags(platform: str, file_name: str, defines: Mapping[str, str]) -> list[str]:
+    """Return every flag that is not a path."""
+    target = TARGETS[platform]
+    definitions = {"EXPORTED": target.export, **defines}
+    return [
+        *("-target", target.triple),
+        *_FLAGS,
+        *(flag.format(output=file_name) for flag in target.flags),
+        *(f"-D{name}={value}" for name, value in sorted(definitions.items())),
+    ]
+
+
+def _first_lines(text: str) -> str:
+    lines = [line for line in text.rstrip(" .\r\n").splitlines() if line.strip()]
+    left = len(lines) - _SHOWN_LINES
+    return "\n  ".join(lines[:_SHOWN_LINES] + ([f"... and {left} more lines"] if left > 0 else []))
+
+
+def compile_shared_library(
+    unity: Path,
+    output: Path,
+    platform: str,
+    include: Sequence[Path] = (),
+    defines: Mapping[str, str] | None = None,
+    system_include: Sequence[Path] = (),
+) -> None:
+    """Compile one C file that includes all others to a freestanding shared library.
+
+    Exported is what the source marks: `EXPORTED` expands to the platform's mark, FMI2_Export likewise. The
+    bytes depend on the sources, the flags and the file name of `output` only, not on any folder.
+
+    Args:
+        unity: The C file to compile.
+        output: The library to write; its file name goes into it on Windows and macOS.
+        platform: A key of `TARGETS`.
+        include: Folders searched by `#include`.
+        defines: Preprocessor definitions.
+        system_include: Folders with headers of others: searched after `include`, their warnings ignored.
+
+    Raises:
+        BuildError: Unknown platform, no compiler, or the source does not compile (with its first lines).
+        OutputError: `output` cannot be written.
+    """
+    if platform not in TARGETS:
+        raise BuildError.of(f"platform {platform}", "is not known", f"Use one of: {', '.join(TARGETS)}")
+    if not unity.is_file():
+        raise BuildError.of(str(unity), "this C source does not exist", "Give the path of the unity file")
+    program, _ = _zig()
+    with tempfile.TemporaryDirectory(prefix="llmn-compile-") as folder:
+        command = [
+            *(str(program), "cc"),
+            *_flags(platform, output.name, defines or {}),
+            *(f"-I{path.resolve()}" for path in include),
+            *(part for path in (*system_include, FREESTANDING) for part in ("-isystem", str(path.resolve()))),
+            *(str(unity.resolve()), str(FREESTANDING / "runtime.c")),
+            *("-o", output.name),
+        ]
+        try:
+            run = subprocess.run(
+                command, cwd=folder, env=_environment(), capture_output=True, text=True, errors="replace"
+            )
+        except OSError as reason:
+            mend = "Reinstall it with: python -m pip install --force-reinstall ziglang==0.17.1"
+            raise BuildError.of(str(program), f"the compiler cannot be run ({reason})", mend) from reason
+        library = Path(folder) / output.name
+        if run.returncode != 0 or not library.is_file():
+            complaint = run.stderr.replace(f"{unity.resolve().parent}{os.sep}", "")
+            what = f"does not compile for {platform}:\n  {_first_lines(complaint)}"
+            raise BuildError.of(str(unity), what, "Mend the C source at the place named above")
+        with written_atomically(output) as temporary:
+            shutil.copyfile(library, temporary)
+
+
+def source_files(unity: Path, include: Sequence[Path] = ()) -> Iterator[tuple[str, Path]]:
+    """Yield (name in the include line, path) of a unity file and all it includes in quotes, each once.
+
+    Names that are found nowhere are left out: headers of others, or the compiler reports them better.
+    """
+    seen: set[Path] = set()
+    waiting = [(unity.name, unity)]
+    while waiting:
+        name, path = waiting.pop(0)
+        if path.resolve() in seen:
+            continue
+        seen.add(path.resolve())
+        yield name, path
+        for included in _INCLUDE_LINE.findall(path.read_text(encoding="utf-8")):
+            candidates = (folder / included for folder in (path.parent, *include))
+            found = next((candidate for candidate in candidates if candidate.is_file()), None)
+            if found is not None:
+                waiting.append((included, found))
+
+
+def load_native(
+    name: str, unity: Path, include: Sequence[Path] = (), defines: Mapping[str, str] | None = None
+) -> ctypes.CDLL:
+    """Compile a C source for this machine, once per content, and load it.
+
+    The library is kept in the user's cache folder under a hash of sources, flags and compiler version.
+
+    Args:
+        name: What the library is called, for people who look into the cache.
+        unity: The C file to compile; functions marked `EXPORTED` can be called.
+        include: Folders searched by `#include`.
+        defines: Preprocessor definitions.
+
+    Raises:
+        BuildError: The source does not compile, or the library does not load.
+    """
+    platform = host_platform()
+    if not unity.is_file():
+        raise BuildError.of(str(unity), "this C source does not exist", "Reinstall the package")
+    digest = hashlib.sha256()
+    parts = [_zig()[1], *_flags(platform, name, defines or {})]
+    files = [*source_files(unity, include), *((path.name, path) for path in sorted(FREESTANDING.iterdir()))]
+    for part in (*(text.encode() for text in parts), *(p.read_bytes() for _, p in files if p.is_file())):
+        digest.update(len(part).to_bytes(8, "little") + part)
+    library = cache_folder() / "native" / f"{name}-{digest.hexdigest()[:24]}{TARGETS[platform].suffix}"
+    if not library.is_file():
+        try:
+            compile_shared_library(unity, library, platform, include, defines)
+        except OutputError:
+            library = _temporary_folder() / library.name
+            compile_shared_library(unity, library, platform, include, defines)
+    try:
+        return ctypes.CDLL(str(library))
+    except OSError as reason:
+        what = f"the compiled library does not load ({reason})"
+        raise BuildError.of(str(library), what, "Delete this file and try again") from reason

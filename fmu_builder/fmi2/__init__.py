@@ -1,0 +1,21 @@
+"""FMI 2.0 for co-simulation: from variables and C code to an FMU."""
+
+from fmu_builder.fmi2.description import model_description
+from fmu_builder.fmi2.header import variables_header
+from fmu_builder.fmi2.interface import Interface
+from fmu_builder.fmi2.package import C_FOLDER, DEFAULT_PLATFORMS, build_fmu, fmi_headers
+from fmu_builder.fmi2.units import UNITS, Unit
+from fmu_builder.fmi2.variable import Variable
+
+__all__ = [
+    "C_FOLDER",
+    "DEFAULT_PLATFORMS",
+    "UNITS",
+    "Interface",
+    "Unit",
+    "Variable",
+    "build_fmu",
+    "fmi_headers",
+    "model_description",
+    "variables_header",
+]

@@ -1,0 +1,197 @@
+/* One FMI instance: the slave with its caller's logger, the guards every FMI function starts with, and the rules for
+   getting and setting one variable. */
+
+enum { LOG_ERROR = 1, LOG_WARNING = 2, LOG_EVENT = 4, LOG_ALL = 7, NAME_CAPACITY = 128 };
+
+typedef struct {
+    Slave slave;
+    fmi2CallbackLogger logger; /* may be NULL */
+    fmi2ComponentEnvironment environment;
+    const char *function; /* the FMI function that was called last: messages begin with its name */
+    fmi2Status last_step;
+    unsigned logged; /* LOG_ bits */
+    char name[NAME_CAPACITY];
+    unsigned char warned[VARIABLE_COUNT];
+} Instance;
+
+/* In which modes a function may be called (FMI 2.0.4, section 4.2.4). */
+enum {
+    LEGAL_SetDebugLogging = MODE_ANY,
+    LEGAL_SetupExperiment = MODE_INSTANTIATED,
+    LEGAL_EnterInitializationMode = MODE_INSTANTIATED,
+    LEGAL_ExitInitializationMode = MODE_INITIALISATION,
+    LEGAL_Terminate = MODE_STEP,
+    LEGAL_Reset = MODE_ANY,
+    LEGAL_Get = MODE_INITIALISATION | MODE_STEP | MODE_TERMINATED | MODE_FAILED,
+    LEGAL_Set = MODE_INSTANTIATED | MODE_INITIALISATION | MODE_STEP,
+    LEGAL_SetParameter = MODE_INSTANTIATED | MODE_INITIALISATION,
+    LEGAL_State = MODE_ANY,
+    /* Partial derivatives are those of the running model: in initialisation the outputs are steady states. */
+    LEGAL_GetDirectionalDerivative = MODE_STEP | MODE_TERMINATED,
+    LEGAL_SetRealInputDerivatives = MODE_INSTANTIATED | MODE_INITIALISATION | MODE_STEP,
+    LEGAL_GetRealOutputDerivatives = MODE_STEP | MODE_TERMINATED | MODE_FAILED,
+    LEGAL_DoStep = MODE_STEP,
+    LEGAL_CancelStep = 0, /* no step is ever left unfinished */
+    LEGAL_GetStatus = MODE_STEP | MODE_TERMINATED | MODE_FAILED
+};
+
+static const char *mode_name(int64_t mode)
+{
+    switch (mode) {
+    case MODE_INSTANTIATED:
+        return "before initialisation";
+    case MODE_INITIALISATION:
+        return "in initialisation mode";
+    case MODE_STEP:
+        return "between communication steps";
+    case MODE_TERMINATED:
+        return "after termination";
+    default:
+        return "after an error of the model";
+    }
+}
+
+/** hand "function: message" to the caller's logger, if its category is wanted; returns the status */
+static fmi2Status instance_log(const Instance *instance, fmi2Status status, const Message *message)
+{
+    const unsigned kind = status == fmi2Error ? LOG_ERROR : status == fmi2Warning ? LOG_WARNING : LOG_EVENT;
+    const char *category = kind == LOG_ERROR ? "logStatusError" : kind == LOG_WARNING ? "logStatusWarning" : "logAll";
+    Message whole;
+    if (instance->logger != NULL && (instance->logged & kind) != 0) {
+        message_clear(&whole);
+        message_append(&whole, instance->function);
+        message_append(&whole, ": ");
+        message_append(&whole, message->text);
+        instance->logger(instance->environment, instance->name, status, category, whole.text);
+    }
+    return status;
+}
+
+/** log message + text as an error */
+static fmi2Status instance_error(const Instance *instance, Message *message, const char *text)
+{
+    message_append(message, text);
+    return instance_log(instance, fmi2Error, message);
+}
+
+/** the instance if `function` may be called on it now, with an empty message, else NULL after an error message */
+static Instance *instance_of(fmi2Component component, int legal, const char *function, Message *message)
+{
+    Instance *instance = (Instance *)component;
+    message_clear(message);
+    if (instance == NULL) {
+        return NULL;
+    }
+    instance->function = function;
+    if ((instance->slave.mode & legal) != 0) {
+        return instance;
+    }
+    message_append(message, "not allowed ");
+    (void)instance_error(instance, message, mode_name(instance->slave.mode));
+    return NULL;
+}
+
+/** whether vr[0..count) are variables of one of `types`; otherwise an error message has been logged */
+static int instance_knows(const Instance *instance, const fmi2ValueReference vr[], size_t count, const void *values,
+                          int types, Message *message)
+{
+    if (count > 0 && (vr == NULL || values == NULL)) {
+        (void)instance_error(instance, message, "an array is missing (NULL)");
+        return 0;
+    }
+    for (size_t k = 0; k < count; ++k) {
+        if (vr[k] >= VARIABLE_COUNT) {
+            message_append(message, "unknown value reference ");
+            message_append_integer(message, (long long)vr[k]);
+            (void)instance_error(instance, message, "");
+            return 0;
+        }
+        if ((variable_type[vr[k]] & types) == 0) {
+            message_append(message, variable_name[vr[k]]);
+            (void)instance_error(instance, message, " has another type");
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/** the instance if vr[0..count) can be read now, with up-to-date and finite values; else NULL after an error */
+static Instance *instance_to_read(fmi2Component component, const fmi2ValueReference vr[], size_t count,
+                                  const void *values, int types, const char *function)
+{
+    Message message;
+    Instance *instance = instance_of(component, LEGAL_Get, function, &message);
+    if (instance == NULL || !instance_knows(instance, vr, count, values, types, &message)) {
+        return NULL;
+    }
+    for (size_t k = 0; k < count; ++k) {
+        const int given = variable_causality[vr[k]] == CAUSALITY_INPUT || variable_causality[vr[k]] == CAUSALITY_PARAMETER;
+        if (!given && slave_prepare_outputs(&instance->slave, &message) != 0) {
+            (void)instance_error(instance, &message, "");
+            return NULL;
+        }
+        if (!is_finite(instance->slave.values[vr[k]])) {
+            message_append(&message, variable_name[vr[k]]);
+            (void)instance_error(instance, &message, " is not a finite number");
+            return NULL;
+        }
+    }
+    return instance;
+}
+
+static int is_outside(fmi2ValueReference vr, double value)
+{
+    return value < variable_minimum[vr] || value > variable_maximum[vr];
+}
+
+/** message + "NAME = value is outside [minimum, maximum]" */
+static void message_append_outside(Message *message, fmi2ValueReference vr, double value)
+{
+    message_append(message, variable_name[vr]);
+    message_append(message, " = ");
+    message_append_number(message, value);
+    message_append(message, " is outside [");
+    message_append_number(message, variable_minimum[vr]);
+    message_append(message, ", ");
+    message_append_number(message, variable_maximum[vr]);
+    message_append(message, "]");
+}
+
+/** whether variable vr may take this value now; otherwise an error message has been logged */
+static int instance_accepts(const Instance *instance, fmi2ValueReference vr, double value, Message *message)
+{
+    const int causality = variable_causality[vr];
+    const int is_parameter = causality == CAUSALITY_PARAMETER;
+    if (causality != CAUSALITY_INPUT && !is_parameter) {
+        message_append(message, variable_name[vr]);
+        message_append(message, " is neither an input nor a parameter and cannot be set");
+    } else if (is_parameter && (instance->slave.mode & LEGAL_SetParameter) == 0) {
+        message_append(message, variable_name[vr]);
+        message_append(message, " is a fixed parameter and can only be set before initialisation ends");
+    } else if (!is_finite(value)) {
+        message_append(message, variable_name[vr]);
+        message_append(message, " must be a finite number");
+    } else if (is_parameter && is_outside(vr, value)) {
+        message_append_outside(message, vr, value);
+    } else {
+        return 1;
+    }
+    (void)instance_error(instance, message, "");
+    return 0;
+}
+
+/** set one accepted value; an input outside its range is served, with one warning in the life of the instance */
+static fmi2Status instance_store(Instance *instance, fmi2ValueReference vr, double value)
+{
+    Message message;
+    instance->slave.values[vr] = value;
+    slave_values_changed(&instance->slave);
+    if (!is_outside(vr, value) || instance->warned[vr]) {
+        return fmi2OK;
+    }
+    instance->warned[vr] = 1;
+    message_clear(&message);
+    message_append_outside(&message, vr, value);
+    message_append(&message, ": the model extrapolates (reported once)");
+    return instance_log(instance, fmi2Warning, &message);
+}

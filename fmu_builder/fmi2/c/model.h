@@ -1,0 +1,34 @@
+/* What a model must provide so that slave.c can run it. Everything is static: an FMU is one translation unit (all.c)
+   that includes, in this order: elementary.c if used, message.c, generated data, variables.h (generated), the model,
+   slave.c, functions.c. Included by slave.c, after the model, so that the compiler compares.
+
+   Model: a flat struct without pointers whose members are all 8 bytes wide (double, int64_t, or arrays of them), so
+   that it has no padding and its serialised form is the same on every platform. It is zeroed before
+   model_set_parameters. Everything that changes lives in it; the model has no other memory.
+
+   values[]: VARIABLE_COUNT doubles, indexed by value reference (VARIABLE_name), inputs first; Integer, Boolean and
+   Enumeration values are exact doubles. inputs[]: its first INPUT_COUNT entries. The slave guarantees that they are
+   finite. Functions that return int return 0 when they succeed and 1 with a message otherwise. */
+#ifndef MODEL_H
+#define MODEL_H
+
+/** take the parameters from values[]; called before model_initialise */
+static int model_set_parameters(Model *model, const double *values, Message *message);
+
+/** the tick T_s, s: positive and constant after model_set_parameters */
+static double model_sample_time(const Model *model);
+
+/** steady state of the inputs */
+static int model_initialise(Model *model, const double *inputs, Message *message);
+
+/** t_n -> t_n+1 with the inputs in force at t_n */
+static int model_tick(Model *model, const double *inputs, Message *message);
+
+/** outputs and locals in values[] from the state and from the inputs and parameters that stand in values[] */
+static void model_outputs(const Model *model, double *values);
+
+/** d values[unknown] / d values[known] at the present state, exact; 1: not available */
+static int model_directional_derivative(const Model *model, const double *values, unsigned unknown, unsigned known,
+                                        double *result);
+
+#endif

@@ -1,0 +1,188 @@
+/* The slave: time, inputs and the life of one instance, without a word of FMI. The model runs on a grid of ticks,
+   t_n = start_time + n T_s, and n is an integer counter: time is never added up here. */
+#include <stddef.h>
+#include <stdint.h>
+
+#include "model.h"
+
+enum { INPUT_SLOTS = INPUT_COUNT > 0 ? INPUT_COUNT : 1 };
+
+/** the life of an instance; one bit each, because functions are legal in sets of them */
+enum {
+    MODE_INSTANTIATED = 1,
+    MODE_INITIALISATION = 2,
+    MODE_STEP = 4,
+    MODE_TERMINATED = 8,
+    MODE_FAILED = 16,
+    MODE_ANY = 31
+};
+
+/* Part of a tick within which a communication point counts as lying on the grid: a master that adds up steps of 1 ms
+   is off by 3e-4 of a tick after an hour. */
+#define TICK_TOLERANCE 0.01
+/* Part of a tick by which a communication point may differ from where the last step ended. */
+#define TIME_TOLERANCE 0.5
+/* Beyond 2^53 a tick counter is not exact as a double. */
+#define LARGEST_TICK 9007199254740992.0
+#define LARGEST_NUMBER 1.7976931348623157e308
+
+/** all that an instance remembers: flat, members of 8 bytes only (see model.h), so that a copy is a saved state */
+typedef struct {
+    int64_t mode;
+    int64_t tick;           /* n: ticks done */
+    int64_t model_ready;    /* the model is in the steady state of the present start values */
+    int64_t outputs_ready;  /* values[] holds the outputs of the present state and inputs */
+    double start_time;      /* s */
+    double stop_time;       /* s */
+    double time;            /* s, end of the last communication step */
+    double sample_time;     /* T_s, s */
+    double values[VARIABLE_COUNT];
+    double latched[INPUT_SLOTS];           /* inputs of the tick from t_n */
+    double input_derivative[INPUT_SLOTS];  /* 1/s, for the next communication step */
+    Model model;
+} Slave;
+
+#include "snapshot.c"
+
+static int is_finite(double value)
+{
+    return value - value == 0.0;
+}
+
+/** as after instantiation: start values, time 0 */
+static void slave_reset(Slave *slave)
+{
+    static const Slave empty;
+    *slave = empty;
+    slave->mode = MODE_INSTANTIATED;
+    slave->stop_time = LARGEST_NUMBER;
+    for (unsigned k = 0; k < VARIABLE_COUNT; ++k) {
+        slave->values[k] = variable_start[k];
+    }
+}
+
+/** the values[] have changed from outside */
+static void slave_values_changed(Slave *slave)
+{
+    slave->outputs_ready = 0;
+    if (slave->mode == MODE_INITIALISATION || slave->mode == MODE_INSTANTIATED) {
+        slave->model_ready = 0;
+    }
+}
+
+/** bring the model into the steady state of the start values, if it is not */
+static int slave_prepare_model(Slave *slave, Message *message)
+{
+    static const Model empty;
+    if (slave->model_ready) {
+        return 0;
+    }
+    slave->model = empty;
+    if (model_set_parameters(&slave->model, slave->values, message) != 0) {
+        return 1;
+    }
+    slave->sample_time = model_sample_time(&slave->model);
+    if (!(slave->sample_time > 0.0) || !is_finite(slave->sample_time)) {
+        message_append(message, "the sample time is not a positive number");
+        return 1;
+    }
+    if (model_initialise(&slave->model, slave->values, message) != 0) {
+        return 1;
+    }
+    slave->model_ready = 1;
+    return 0;
+}
+
+/** bring the outputs in values[] up to date, if they are not */
+static int slave_prepare_outputs(Slave *slave, Message *message)
+{
+    if (slave->outputs_ready) {
+        return 0;
+    }
+    if (slave_prepare_model(slave, message) != 0) {
+        return 1;
+    }
+    model_outputs(&slave->model, slave->values);
+    slave->outputs_ready = 1;
+    return 0;
+}
+
+/** latched = inputs + derivatives * ahead */
+static void slave_latch(Slave *slave, double ahead)
+{
+    for (unsigned k = 0; k < INPUT_COUNT; ++k) {
+        slave->latched[k] = slave->values[k];
+        if (slave->input_derivative[k] != 0.0) {
+            slave->latched[k] += slave->input_derivative[k] * ahead;
+        }
+    }
+}
+
+/** leave initialisation: the first tick is n = 0 at the start time */
+static int slave_start(Slave *slave, Message *message)
+{
+    if (slave_prepare_model(slave, message) != 0) {
+        return 1;
+    }
+    slave->mode = MODE_STEP;
+    slave->tick = 0;
+    slave->time = slave->start_time;
+    slave_latch(slave, 0.0);
+    return 0;
+}
+
+/** whether a step from `time` over `step` can be taken */
+static int slave_check_step(const Slave *slave, double time, double step, Message *message)
+{
+    const double slack = TIME_TOLERANCE * slave->sample_time;
+    if (!is_finite(time) || !is_finite(step)) {
+        message_append(message, "communication point or step size is not a finite number");
+    } else if (step <= 0.0) {
+        message_append(message, "the communication step size must be positive, not ");
+        message_append_number(message, step);
+        message_append(message, " s");
+    } else if (time < slave->time - slack || time > slave->time + slack) {
+        message_append(message, "the communication point is ");
+        message_append_number(message, time);
+        message_append(message, " s, but the last step ended at ");
+        message_append_number(message, slave->time);
+        message_append(message, " s");
+    } else if (time + step > slave->stop_time + slack) {
+        message_append(message, "the step ends at ");
+        message_append_number(message, time + step);
+        message_append(message, " s, beyond the stop time ");
+        message_append_number(message, slave->stop_time);
+        message_append(message, " s");
+    } else if ((time + step - slave->start_time) / slave->sample_time > LARGEST_TICK) {
+        message_append(message, "the step is too long to count its ticks");
+    } else {
+        return 0;
+    }
+    return 1;
+}
+
+/** time -> time + step. Tick n uses the inputs in force in the last communication step that begins at or before
+    t_n (advanced to t_n) and runs as soon as a step reaches t_n+1, both within the tolerance. */
+static int slave_step(Slave *slave, double time, double step, Message *message)
+{
+    const double begin = (time - slave->start_time) / slave->sample_time;
+    const double end = (time + step - slave->start_time) / slave->sample_time;
+    slave->outputs_ready = 0;
+    if (begin <= (double)slave->tick + TICK_TOLERANCE) {
+        slave_latch(slave, ((double)slave->tick - begin) * slave->sample_time);
+    }
+    while (end >= (double)(slave->tick + 1) - TICK_TOLERANCE) {
+        if (model_tick(&slave->model, slave->latched, message) != 0) {
+            slave->mode = MODE_FAILED;
+            slave->time = slave->start_time + (double)slave->tick * slave->sample_time;
+            return 1;
+        }
+        ++slave->tick;
+        slave_latch(slave, ((double)slave->tick - begin) * slave->sample_time);
+    }
+    slave->time = time + step;
+    for (unsigned k = 0; k < INPUT_COUNT; ++k) {
+        slave->input_derivative[k] = 0.0; /* derivatives are given anew for every communication step */
+    }
+    return 0;
+}

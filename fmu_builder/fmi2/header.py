@@ -1,0 +1,52 @@
+"""variables.h: the interface as data for the C code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from fmu_builder.fmi2.interface import Interface
+from fmu_builder.fmi2.variable import Variable
+
+_LARGEST = 1.7976931348623157e308
+
+
+def _array(kind: str, name: str, interface: Interface, item: Callable[[Variable], str]) -> Iterator[str]:
+    yield f"static const {kind}{name}[VARIABLE_COUNT] = {{"
+    for variable in interface.variables:
+        yield f"    {item(variable)}, /* {variable.name} */"
+    yield "};"
+
+
+def variables_header(interface: Interface, guid: str) -> str:
+    """Return the text of variables.h: names, kinds, start values and limits by value reference.
+
+    Args:
+        interface: The interface.
+        guid: The GUID that `interface.guid` gives for the model.
+    """
+    positions = [f"    VARIABLE_{v.name} = {k}," for k, v in enumerate(interface.variables)]
+    minimum = {v.name: -_LARGEST if v.minimum is None else float(v.minimum) for v in interface.variables}
+    maximum = {v.name: _LARGEST if v.maximum is None else float(v.maximum) for v in interface.variables}
+    lines = [
+        "/* Generated: the variables of this FMU by value reference. */",
+        '#include "variable_kinds.h"',
+        "",
+        f'#define MODEL_IDENTIFIER "{interface.model_identifier}"',
+        f'#define MODEL_GUID "{guid}"',
+        "",
+        "enum {",
+        *positions,
+        f"    VARIABLE_COUNT = {len(interface.variables)},",
+        f"    INPUT_COUNT = {len(interface.inputs)}",
+        "};",
+        "",
+        *_array("char *const ", "variable_name", interface, lambda v: f'"{v.name}"'),
+        *_array("unsigned char ", "variable_type", interface, lambda v: f"TYPE_{v.type.upper()}"),
+        *_array(
+            "unsigned char ", "variable_causality", interface, lambda v: f"CAUSALITY_{v.causality.upper()}"
+        ),
+        *_array("double ", "variable_start", interface, lambda v: repr(float(v.start or 0.0))),
+        *_array("double ", "variable_minimum", interface, lambda v: repr(minimum[v.name])),
+        *_array("double ", "variable_maximum", interface, lambda v: repr(maximum[v.name])),
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,100 @@
+/* Two-state linear model on a grid of 1 ms (explicit Euler): x' = A x + B u, asymmetric on purpose.
+   It refuses to start for a drive above 5 and to go on for a drive above 8. */
+
+#define SAMPLE_TIME 0.001
+
+typedef struct {
+    double state[2];
+    double strength;
+    double scale;
+} Model;
+
+static const double lti_A[2][2] = {{-2.0, 30.0}, {-41.0, -3.0}};
+static const double lti_B[2][2] = {{1.5, 0.2}, {0.3, -7.0}};
+
+static int model_set_parameters(Model *model, const double *values, Message *message)
+{
+    (void)message;
+    model->strength = values[VARIABLE_preset] == 2.0 ? 3.0 : 1.0;
+    model->scale = values[VARIABLE_scale];
+    return 0;
+}
+
+static double model_sample_time(const Model *model)
+{
+    (void)model;
+    return SAMPLE_TIME;
+}
+
+static double lti_forcing(const Model *model, const double *inputs, int row)
+{
+    return model->strength * (lti_B[row][0] * inputs[0] + lti_B[row][1] * inputs[1]);
+}
+
+static double lti_derivative(const Model *model, const double *inputs, int row)
+{
+    return lti_A[row][0] * model->state[0] + lti_A[row][1] * model->state[1] + lti_forcing(model, inputs, row);
+}
+
+static int model_initialise(Model *model, const double *inputs, Message *message)
+{
+    const double determinant = lti_A[0][0] * lti_A[1][1] - lti_A[0][1] * lti_A[1][0];
+    const double first = -lti_forcing(model, inputs, 0);
+    const double second = -lti_forcing(model, inputs, 1);
+    if (inputs[VARIABLE_drive] > 5.0) {
+        message_append(message, "no steady state for drive = ");
+        message_append_number(message, inputs[VARIABLE_drive]);
+        return 1;
+    }
+    model->state[0] = (lti_A[1][1] * first - lti_A[0][1] * second) / determinant;
+    model->state[1] = (lti_A[0][0] * second - lti_A[1][0] * first) / determinant;
+    return 0;
+}
+
+static int model_tick(Model *model, const double *inputs, Message *message)
+{
+    const double first = model->state[0] + SAMPLE_TIME * lti_derivative(model, inputs, 0);
+    const double second = model->state[1] + SAMPLE_TIME * lti_derivative(model, inputs, 1);
+    if (inputs[VARIABLE_drive] > 8.0) {
+        message_append(message, "drive hits the stop at ");
+        message_append_number(message, inputs[VARIABLE_drive]);
+        return 1;
+    }
+    model->state[0] = first;
+    model->state[1] = second;
+    return 0;
+}
+
+static void model_outputs(const Model *model, double *values)
+{
+    values[VARIABLE_x_1] = model->state[0];
+    values[VARIABLE_x_2] = model->state[1];
+    values[VARIABLE_der_x_1] = lti_derivative(model, values, 0);
+    values[VARIABLE_der_x_2] = lti_derivative(model, values, 1);
+    values[VARIABLE_scaled] = model->scale * model->state[1];
+    values[VARIABLE_mixed] = 4.0 * model->state[0] - 5.0 * model->state[1] + 0.5 * values[VARIABLE_load];
+    values[VARIABLE_in_range] = values[VARIABLE_drive] >= -2.0 && values[VARIABLE_drive] <= 3.0 ? 1.0 : 0.0;
+    values[VARIABLE_reciprocal] = 1.0 / values[VARIABLE_load];
+}
+
+static int model_directional_derivative(const Model *model, const double *values, unsigned unknown, unsigned known,
+                                        double *result)
+{
+    const int row = unknown == VARIABLE_der_x_2;
+    (void)values;
+    if (unknown == VARIABLE_der_x_1 || unknown == VARIABLE_der_x_2) {
+        if (known == VARIABLE_drive || known == VARIABLE_load) {
+            *result = model->strength * lti_B[row][known == VARIABLE_load];
+            return 0;
+        }
+        if (known == VARIABLE_x_1 || known == VARIABLE_x_2) {
+            *result = lti_A[row][known == VARIABLE_x_2];
+            return 0;
+        }
+    }
+    if (unknown == VARIABLE_mixed && known == VARIABLE_load) {
+        *result = 0.5;
+        return 0;
+    }
+    return 1;
+}

@@ -1,0 +1,270 @@
+"""Getting, setting and the life of an instance: what is served, what is refused and how that is said."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+
+import pytest
+from fmi import lti
+from fmi.conftest import GUID
+from fmi.lti import VR
+from fmi.raw import DISCARD, ERROR, OK, WARNING, Slave
+
+NewSlave = Callable[..., Slave]
+
+
+def test_first_outputs_are_the_steady_state_of_the_start_inputs(new_slave: NewSlave) -> None:
+    slave = new_slave()
+    assert slave.EnterInitializationMode() == OK
+    x = lti.steady_state(lti.START)
+    names = ["x_1", "x_2", "scaled", "mixed"]
+    expected = [x[0], x[1], 2.5 * x[1], 4.0 * x[0] - 5.0 * x[1] + 0.5 * lti.START[1]]
+    assert slave.get([VR[name] for name in names]) == expected
+    assert slave.get_integer(VR["in_range"], "GetBoolean") == 1
+    assert slave.ExitInitializationMode() == OK
+    assert slave.get([VR[name] for name in names]) == expected
+
+
+def test_start_values_set_in_initialisation_count(new_slave: NewSlave) -> None:
+    slave = new_slave()
+    assert slave.set_integer(VR["preset"], 2) == OK
+    assert slave.EnterInitializationMode() == OK
+    assert slave.get([VR["x_1"]]) == lti.steady_state(lti.START, 3.0)[:1]
+    assert slave.set([VR["drive"], VR["scale"]], [-1.0, 0.5]) == OK
+    x = lti.steady_state((-1.0, lti.START[1]), 3.0)
+    assert slave.get([VR["x_1"], VR["scaled"]]) == [x[0], 0.5 * x[1]]
+    assert slave.ExitInitializationMode() == OK
+    assert slave.step(0.0, 0.001) == OK
+    assert slave.get([VR["x_1"]]) == lti.tick(x, (-1.0, lti.START[1]), 3.0)[:1]
+
+
+def test_setting_stores_only(new_slave: NewSlave) -> None:
+    slave, plain = new_slave().start(), new_slave().start()
+    for k in range(5):
+        slave.set([VR["drive"]], [2.0])
+        slave.get([VR["mixed"], VR["x_1"]])
+        for one in (slave, plain):
+            one.set([VR["drive"]], [0.1 * k])
+            assert one.step(k * 0.001, 0.001) == OK
+    assert slave.get([VR["x_1"], VR["x_2"]]) == plain.get([VR["x_1"], VR["x_2"]])
+
+
+@pytest.mark.parametrize("guid", ["", "{00000000-0000-0000-0000-000000000000}", GUID[:-1], GUID + "x"])
+def test_wrong_guid_gives_no_instance(new_slave: NewSlave, guid: str) -> None:
+    slave = new_slave(guid)
+    assert slave.component is None
+    assert slave.log == [
+        (ERROR, "logStatusError", f"fmi2Instantiate: the GUID is not that of this FMU, {GUID}")
+    ]
+
+
+def test_model_exchange_gives_no_instance(new_slave: NewSlave) -> None:
+    slave = new_slave(kind=0)
+    assert slave.component is None
+    assert "co-simulation only" in slave.last_error()
+
+
+def test_works_without_callbacks(new_slave: NewSlave) -> None:
+    slave = new_slave(callbacks=False).start()
+    assert slave.step(0.0, 0.001) == OK
+    assert slave.step(5.0, 0.001) == ERROR
+    assert slave.get([99]) is None
+
+
+def test_without_instance_every_call_is_an_error(lti_library: ctypes.CDLL) -> None:
+    for name in ("Reset", "Terminate", "EnterInitializationMode", "DoStep", "GetFMUstate", "CancelStep"):
+        zero = ctypes.c_double(0)
+        assert getattr(lti_library, "fmi2" + name)(None, zero, zero, 0) == ERROR
+    lti_library.fmi2FreeInstance(None)
+
+
+@pytest.mark.parametrize(
+    ("act", "words"),
+    [
+        (lambda s: s.set([VR["drive"]], [math.nan]), "fmi2SetReal: drive must be a finite number"),
+        (lambda s: s.set([VR["load"]], [-math.inf]), "fmi2SetReal: load must be a finite number"),
+        (lambda s: s.set([77], [1.0]), "fmi2SetReal: unknown value reference 77"),
+        (lambda s: s.set([VR["mixed"]], [1.0]), "mixed is neither an input nor a parameter"),
+        (lambda s: s.set([VR["scale"]], [1.0]), "scale is a fixed parameter"),
+        (lambda s: s.set([VR["preset"]], [1.0]), "preset has another type"),
+        (lambda s: s.set_integer(VR["preset"], 2), "fmi2SetInteger: preset is a fixed parameter"),
+        (lambda s: s.set_integer(VR["drive"], 2), "drive has another type"),
+        (lambda s: s.SetReal(None, ctypes.c_size_t(1), None), "an array is missing"),
+        (
+            lambda s: s.SetString((ctypes.c_uint * 1)(0), ctypes.c_size_t(1), (ctypes.c_char_p * 1)(b"")),
+            "another type",
+        ),
+        (lambda s: ERROR if s.get([12]) is None else OK, "fmi2GetReal: unknown value reference 12"),
+        (lambda s: ERROR if s.get([4000000000]) is None else OK, "unknown value reference 4000000000"),
+        (lambda s: ERROR if s.get([VR["in_range"]]) is None else OK, "in_range has another type"),
+        (lambda s: s.step(0.0, 0.0), "the communication step size must be positive, not 0 s"),
+        (lambda s: s.step(0.0, -0.001), "must be positive, not -0.001 s"),
+        (lambda s: s.step(0.0, math.nan), "is not a finite number"),
+        (lambda s: s.step(math.inf, 0.001), "is not a finite number"),
+        (lambda s: s.step(0.0, 1e300), "too long to count"),
+        (lambda s: s.step(0.25, 0.001), "the communication point is 0.25 s, but the last step ended at 0 s"),
+        (lambda s: s.slope([VR["x_1"]], [1.0]), "x_1 is not an input"),
+        (lambda s: s.slope([VR["drive"]], [1.0], order=2), "only the first derivative"),
+        (lambda s: s.slope([VR["drive"]], [math.nan]), "drive: the derivative must be a finite number"),
+        (lambda s: s.CancelStep(), "fmi2CancelStep: not allowed between communication steps"),
+        (lambda s: s.ExitInitializationMode(), "fmi2ExitInitializationMode: not allowed between"),
+    ],
+)
+def test_illegal_input_is_refused_with_its_name_and_changes_nothing(
+    new_slave: NewSlave, act: Callable[[Slave], int], words: str
+) -> None:
+    slave = new_slave().start()
+    before = slave.to_bytes(slave.save())
+    assert act(slave) == ERROR
+    assert words in slave.last_error()
+    assert slave.log[-1][1] == "logStatusError"
+    assert slave.to_bytes(slave.save()) == before
+    assert slave.step(0.0, 0.001) == OK
+
+
+def test_one_bad_value_stores_none(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    assert slave.set([VR["drive"], VR["load"]], [0.5, math.nan]) == ERROR
+    assert slave.get([VR["drive"], VR["load"]]) == list(lti.START)
+
+
+def test_empty_lists_are_no_error(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    for name in ("GetReal", "GetInteger", "GetBoolean", "GetString", "SetReal", "SetInteger", "SetString"):
+        assert getattr(slave, name)(None, ctypes.c_size_t(0), None) == OK
+
+
+def test_parameter_outside_its_limits_is_refused(new_slave: NewSlave) -> None:
+    slave = new_slave()
+    assert slave.set([VR["scale"]], [4.5]) == ERROR
+    assert "scale = 4.5 is outside [0.5, 4]" in slave.last_error()
+    assert slave.set_integer(VR["preset"], 3) == ERROR
+    assert slave.set_integer(VR["preset"], 0) == ERROR
+
+
+def test_input_outside_its_limits_is_served_with_one_warning(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    assert slave.set([VR["drive"]], [3.5]) == WARNING
+    assert slave.set([VR["drive"]], [4.5]) == OK
+    assert slave.step(0.0, 0.001) == OK
+    assert slave.get_integer(VR["in_range"], "GetBoolean") == 0
+    text = "fmi2SetReal: drive = 3.5 is outside [-2, 3]: the model extrapolates (reported once)"
+    assert slave.log == [(WARNING, "logStatusWarning", text)]
+    assert slave.Reset() == OK
+    assert slave.set([VR["drive"]], [3.5]) == WARNING
+
+
+def test_output_that_is_not_finite_is_an_error_not_a_number(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    assert slave.set([VR["load"]], [0.0]) == OK
+    assert slave.get([VR["reciprocal"]]) is None
+    assert "reciprocal is not a finite number" in slave.last_error()
+    assert slave.get([VR["mixed"]]) is not None
+
+
+def test_start_the_model_refuses_can_be_mended(new_slave: NewSlave) -> None:
+    slave = new_slave()
+    assert slave.EnterInitializationMode() == OK
+    assert slave.set([VR["drive"]], [6.0]) == WARNING
+    assert slave.get([VR["x_1"]]) is None
+    assert slave.ExitInitializationMode() == ERROR
+    assert slave.last_error() == "fmi2ExitInitializationMode: no steady state for drive = 6"
+    assert slave.set([VR["drive"]], [1.0]) == OK
+    assert slave.ExitInitializationMode() == OK
+
+
+def test_error_of_the_model_ends_the_run_until_reset(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    assert slave.step(0.0, 0.003) == OK
+    saved = slave.save()
+    slave.set([VR["drive"]], [9.0])
+    assert slave.step(0.003, 0.002) == ERROR
+    assert slave.last_error() == "fmi2DoStep: drive hits the stop at 9"
+    time, status = ctypes.c_double(-1), ctypes.c_int(-1)
+    assert slave.GetRealStatus(2, ctypes.byref(time)) == OK
+    assert time.value == pytest.approx(0.003, abs=0)
+    assert slave.GetStatus(0, ctypes.byref(status)) == OK
+    assert status.value == ERROR
+    assert slave.step(0.003, 0.002) == ERROR
+    assert "after an error of the model" in slave.last_error()
+    assert slave.SetFMUstate(saved) == OK
+    assert slave.step(0.003, 0.002) == OK
+    assert slave.Reset() == OK
+    slave.start()
+    assert slave.get([VR["x_1"]]) == lti.steady_state(lti.START)[:1]
+
+
+def test_stop_time_is_kept(new_slave: NewSlave) -> None:
+    slave = new_slave()
+    number = ctypes.c_double
+    assert slave.SetupExperiment(0, number(0), number(1.0), 1, number(0.5)) == ERROR
+    assert slave.SetupExperiment(0, number(0), number(math.nan), 0, number(0.5)) == ERROR
+    assert slave.SetupExperiment(0, number(0), number(0.0), 1, number(0.01)) == OK
+    slave.EnterInitializationMode()
+    slave.ExitInitializationMode()
+    assert slave.step(0.0, 0.01) == OK
+    assert slave.step(0.01, 0.001) == ERROR
+    assert "beyond the stop time 0.01 s" in slave.last_error()
+
+
+def _derivative(slave: Slave, unknown: list[str], known: list[str], seed: list[float]) -> list[float] | None:
+    result = (ctypes.c_double * len(unknown))(*([-99.0] * len(unknown)))
+    status = slave.GetDirectionalDerivative(
+        (ctypes.c_uint * len(unknown))(*[VR[name] for name in unknown]),
+        ctypes.c_size_t(len(unknown)),
+        (ctypes.c_uint * len(known))(*[VR[name] for name in known]),
+        ctypes.c_size_t(len(known)),
+        (ctypes.c_double * len(seed))(*seed),
+        result,
+    )
+    return list(result) if status == OK else None
+
+
+def test_directional_derivatives_come_from_the_model(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    rows = ["der_x_1", "der_x_2"]
+    columns = ["x_1", "x_2", "drive", "load"]
+    for column, name in enumerate(columns):
+        expected = [(*lti.A[row], *lti.B[row])[column] for row in (0, 1)]
+        assert _derivative(slave, rows, [name], [1.0]) == expected
+    assert _derivative(slave, ["der_x_2"], ["x_1", "load"], [2.0, 10.0]) == [2.0 * -41.0 + 10.0 * -7.0]
+    assert _derivative(slave, ["mixed"], ["drive"], [1.0]) is None
+    assert slave.last_error().endswith("no derivative of mixed with respect to drive")
+
+
+def test_output_derivatives_are_not_provided(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    one = (ctypes.c_int * 1)(1)
+    status = slave.GetRealOutputDerivatives(
+        (ctypes.c_uint * 1)(VR["x_1"]), ctypes.c_size_t(1), one, (ctypes.c_double * 1)()
+    )
+    assert status == ERROR
+
+
+def test_status_questions_that_have_no_answer_are_discarded(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    number, text, flag = ctypes.c_int(), ctypes.c_char_p(), ctypes.c_int(7)
+    assert slave.GetIntegerStatus(0, ctypes.byref(number)) == DISCARD
+    assert slave.GetRealStatus(0, ctypes.byref(ctypes.c_double())) == DISCARD
+    assert slave.GetStringStatus(1, ctypes.byref(text)) == OK
+    assert slave.GetBooleanStatus(3, ctypes.byref(flag)) == OK
+    assert flag.value == 0
+    assert slave.GetStatus(0, None) == ERROR
+
+
+def test_log_categories(new_slave: NewSlave) -> None:
+    quiet, loud = new_slave().start(), new_slave(logging=True).start()
+    assert quiet.log == []
+    assert [entry[1] for entry in loud.log] == ["logAll"]
+    names = (ctypes.c_char_p * 1)(b"logStatusError")
+    assert quiet.SetDebugLogging(0, ctypes.c_size_t(1), names) == OK
+    assert quiet.step(0.0, -1.0) == ERROR
+    assert quiet.log == []
+    assert quiet.SetDebugLogging(1, ctypes.c_size_t(1), names) == OK
+    assert quiet.step(0.0, -1.0) == ERROR
+    assert len(quiet.log) == 1
+    names[0] = b"logNoise"
+    assert quiet.SetDebugLogging(1, ctypes.c_size_t(1), names) == ERROR
+    assert "unknown log category logNoise" in quiet.last_error()

@@ -1,0 +1,50 @@
+"""The one table of tolerances: every row says why it is as large as it is."""
+
+BITS = 0.0  # the same arithmetic in the same order: nothing may differ
+SURROGATE_EXPONENTIAL = 1e-14  # of the largest entry: a few roundings against 40 digits
+SURROGATE_EQUILIBRIUM = 1e-11  # m per m: a linear solve with condition 1e5 rounds there
+MESSAGE_DIGITS = 6e-6  # relative: six significant digits in a log message, half a unit of the last one
+SURROGATE_RECURSION = 1e-10  # of the signal's size: two orders of summation over hundreds of ticks
+SURROGATE_SENSITIVITY = 1e-9  # of the largest entry: complex steps through a dense simulation, same rounding
+SURROGATE_RECOVERY = 1e-6  # relative, noise-free: asked for; about 1e-11 is reached
+RESONANCE_DIGITS = 0.006  # Hz: the reference tables print two or three decimals
+STATIC_FORCE = 0.1  # N: the reference prints one decimal
+DRIFT = 0.001  # m: the reference prints three decimals
+SLOPE = 0.0006  # N/(N.m): the reference prints three decimals
+CRITICAL_TORQUE = 0.6  # N.m: the reference prints no decimals
+LAST_DIGIT = 0.06  # of figures printed with one decimal
+POLE = 1.5e-6  # the reference prints six decimals of poles in the z plane
+POLE_FREQUENCY = 0.0006  # Hz: printed with three decimals
+POLE_DAMPING = 0.00006  # printed with four decimals
+MEAN_DAMPING = 0.0006  # printed with three decimals
+ELEMENTARY_ULP = 1.0  # units of the last place: what elementary.c promises for exp, sin and cos
+WBM_EQUATIONS = (
+    1e-12  # of the largest entry: closed forms against acos/atan2, rounding grows at the dead centres
+)
+WBM_TANGENT = 1e-12  # of the largest entry: an exact derivative, only its roundings are left
+WBM_REST = 1e-9  # m/s2, rad/s2: forces of 1e5 N per metre are balanced to their last digit
+WBM_LEAST_ORDER = 4.0  # a classical Runge-Kutta step of fourth order; the energy gains one order more
+WBM_ORDER = 0.5  # measured orders scatter while the coarsest step still feels the next term
+WBM_ENERGY = 1e-7  # of the energy: a quarter of a millisecond over half a second leaves 1e-8 to 8e-8
+SIMULATION = 1e-11  # of the largest output: blocks of rows instead of rows, other order of summation
+RMS_SCALING = 1e-14  # relative: one division and one square root
+HALF_POWER = 0.04  # relative: spectrum of two million samples, 240 windows and a few bins
+LEVEL_SPREAD = 0.02  # relative: standard deviation of some thousand uniform levels
+NOISE_FREE_FIT = 1e-6  # percentage points: what rounding leaves of 100 %
+NOISE_FREE_POLE = 1e-9  # in the z plane: least squares in double precision
+NOISY_FIT = (
+    0.02  # percentage points: the prototype is at 99.992 or better, one seed; five seeds scatter by this
+)
+INVARIANCE = 1e-7  # relative change of a frequency response: other scaling, other order of summation
+EQUILIBRIUM_NETWORK = (
+    1e-9  # of the largest deviation: (I - A)^-1 with condition 1e4 and a table of rest points
+)
+ALIGNMENT = 1e-9  # relative: a pseudo-inverse of an observability matrix with condition 1e4
+STATIC_REGRESSION = 0.002  # m/m: what is dynamic does not quite average out in 60 s
+ZERO_ORDER_HOLD = 1e-12  # relative: expm against expm
+HELD_INPUT_BIAS = 0.02  # relative: the mean over two seconds still holds a rest of the swing
+FIRST_OUTPUT_NEWTON = 0.5  # N (1e-5 of it in m and m/s): 41 points of a static map, straight lines in between
+KERNEL_VECTORISED = 1e-12  # of the largest output: matrix products and libm's exp round in another order
+STAYS_AT_REST = 1e-9  # of the largest number in the steady state: solved by elimination, condition up to 1e4
+SAME_NETWORK = 1e-10  # of the largest output: two ways to write one network, rounding over hundreds of ticks
+WEIGHT_SUM = 1e-15  # a few roundings of numbers that sum to 1; node tables hold rounded rows

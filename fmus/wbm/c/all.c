@@ -1,0 +1,11 @@
+/* The one file that is compiled for the FMU pantograph_wbm. */
+#include "elementary.c"
+#include "message.c"
+#include "wbm_equations.c"
+#include "wbm_parameters.h"
+#include "variables.h"
+#include "wbm_tangent.c"
+#include "wbm_motion.c"
+#include "wbm_model.c"
+#include "slave.c"
+#include "functions.c"

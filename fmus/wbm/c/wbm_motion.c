@@ -1,0 +1,273 @@
+/* What is done with the equations: the linkage's reach, the static equilibrium, the fixed step. */
+
+enum { REACH_SCAN = 640, REACH_HALVINGS = 60, BRACKET_HALVINGS = 40, KNEE_STEPS = 6, NEWTON_LIMIT = 20 };
+
+/* The regular branch of the linkage with an unbent knee: the crossbar rises with the lower arm (z1 > 0). */
+typedef struct {
+    double phi_low, phi_high;       /* rad */
+    double height_low, height_high; /* m */
+} Reach;
+
+typedef struct {
+    Constants constants;
+    Reach reach;
+    double step; /* s, inner step = tick */
+    double state[STATE_COUNT];
+} Model;
+
+static double wbm_absolute(double x) { return x < 0.0 ? -x : x; }
+
+static int wbm_is_regular(const Constants *k, double phi_1) {
+    return wbm_geometry(k, phi_1, 0.0).zeta_phi > 0.0; /* false for NaN as well */
+}
+
+/* Edge of the regular branch between a regular and an irregular angle; the regular side of it. */
+static double wbm_edge(const Constants *k, double regular, double irregular) {
+    int n;
+    for (n = 0; n < REACH_HALVINGS; ++n) {
+        double middle = 0.5 * (regular + irregular);
+        if (wbm_is_regular(k, middle)) regular = middle;
+        else irregular = middle;
+    }
+    return regular;
+}
+
+/* The branch that holds the angle at which lever and rod are nearest to square, e^2 = b^2 + c^2 with e growing. */
+static int wbm_find_reach(const Constants *k, Reach *reach) {
+    const double c_square = 1.0 / (k->inverse_c * k->inverse_c), spacing = 0.01;
+    double best = 1.0e300, centre = 0.0, phi_1;
+    int n;
+    for (n = -REACH_SCAN / 2; n < REACH_SCAN / 2; ++n) {
+        double sine, cosine, ex, ey, misfit;
+        phi_1 = spacing * (double)n;
+        elementary_sine_cosine(phi_1, &sine, &cosine);
+        ex = k->l1 * cosine - k->dx;
+        ey = k->l1 * sine - k->dy;
+        misfit = wbm_absolute(ex * ex + ey * ey - k->b * k->b - c_square);
+        if (misfit < best && k->dx * sine - k->dy * cosine > 0.0 && wbm_is_regular(k, phi_1)) {
+            best = misfit;
+            centre = phi_1;
+        }
+    }
+    if (!wbm_is_regular(k, centre)) return 1;
+    for (phi_1 = centre, n = 0; n < REACH_SCAN && wbm_is_regular(k, phi_1); ++n) phi_1 -= spacing;
+    reach->phi_low = wbm_edge(k, phi_1 + spacing, phi_1);
+    for (phi_1 = centre, n = 0; n < REACH_SCAN && wbm_is_regular(k, phi_1); ++n) phi_1 += spacing;
+    reach->phi_high = wbm_edge(k, phi_1 - spacing, phi_1);
+    reach->height_low = wbm_geometry(k, reach->phi_low, 0.0).zeta;
+    reach->height_high = wbm_geometry(k, reach->phi_high, 0.0).zeta;
+    return 0;
+}
+
+static void wbm_append_reach(const Model *model, Message *message) {
+    message_append(message, "; unbent, the linkage reaches heights from ");
+    message_append_number(message, model->reach.height_low);
+    message_append(message, " m to ");
+    message_append_number(message, model->reach.height_high);
+    message_append(message, " m");
+}
+
+/* Refuses inputs the linkage cannot follow, and numbers that are none. */
+static int wbm_check_inputs(const Model *model, const double *u, Message *message) {
+    if (!(u[INPUT_ETA] >= model->reach.height_low && u[INPUT_ETA] <= model->reach.height_high)) {
+        message_append(message, "the contact position eta = ");
+        message_append_number(message, u[INPUT_ETA]);
+        message_append(message, " m is out of reach");
+        wbm_append_reach(model, message);
+        return 1;
+    }
+    if (!(wbm_absolute(u[INPUT_TORQUE]) <= 1.0e9)) {
+        message_append(message, "the torque M_pa = ");
+        message_append_number(message, u[INPUT_TORQUE]);
+        message_append(message, " N.m is not a number the model can use; set a finite torque");
+        return 1;
+    }
+    return 0;
+}
+
+static int wbm_prepare(Model *model, const Parameters *parameters, double step, Message *message) {
+    int n;
+    if (!(step > 0.0 && step <= 0.01)) {
+        message_append(message, "inner_step = ");
+        message_append_number(message, step);
+        message_append(message, " s is outside (0, 0.01]; 0.0005 is the default");
+        return 1;
+    }
+    model->constants = wbm_constants(parameters);
+    model->step = step;
+    for (n = 0; n < STATE_COUNT; ++n) model->state[n] = 0.0;
+    if (wbm_find_reach(&model->constants, &model->reach)) {
+        message_append(message, "these link lengths do not close to a linkage; check l1, b, c, dx and dy");
+        return 1;
+    }
+    return 0;
+}
+
+/* Angle of the lower arm at which the crossbar stands at a height, knee unbent: zeta is monotone on the branch. */
+static double wbm_angle_at(const Model *model, double height) {
+    double low = model->reach.phi_low, high = model->reach.phi_high;
+    int n;
+    for (n = 0; n < REACH_HALVINGS; ++n) {
+        double middle = 0.5 * (low + high);
+        if (wbm_geometry(&model->constants, middle, 0.0).zeta < height) low = middle;
+        else high = middle;
+    }
+    return 0.5 * (low + high);
+}
+
+/* Newton step of (phi1, delta, xi) towards zero acceleration, by Cramer's rule; returns the determinant, which is
+   negative where the equilibrium is stable (it is -det K / det M). */
+static double wbm_newton_step(const Constants *k, const double *x, const double *u, double *change) {
+    static const int coordinate[3] = {STATE_PHI_1, STATE_DELTA, STATE_XI};
+    const double no_input[INPUTS] = {0.0, 0.0};
+    double j[3][3], rate[STATE_COUNT], r[3], determinant;
+    int row, column;
+    wbm_derivatives(k, x, u, rate);
+    for (column = 0; column < 3; ++column) {
+        double direction[STATE_COUNT] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, d_rate[STATE_COUNT];
+        direction[coordinate[column]] = 1.0;
+        wbm_derivatives_tangent(k, x, u, direction, no_input, d_rate);
+        for (row = 0; row < 3; ++row) j[row][column] = d_rate[coordinate[row] + 1];
+    }
+    for (row = 0; row < 3; ++row) r[row] = -rate[coordinate[row] + 1];
+    determinant = j[0][0] * (j[1][1] * j[2][2] - j[1][2] * j[2][1])
+                - j[0][1] * (j[1][0] * j[2][2] - j[1][2] * j[2][0])
+                + j[0][2] * (j[1][0] * j[2][1] - j[1][1] * j[2][0]);
+    change[0] = (r[0] * (j[1][1] * j[2][2] - j[1][2] * j[2][1]) - j[0][1] * (r[1] * j[2][2] - j[1][2] * r[2])
+                 + j[0][2] * (r[1] * j[2][1] - j[1][1] * r[2])) / determinant;
+    change[1] = (j[0][0] * (r[1] * j[2][2] - j[1][2] * r[2]) - r[0] * (j[1][0] * j[2][2] - j[1][2] * j[2][0])
+                 + j[0][2] * (j[1][0] * r[2] - r[1] * j[2][0])) / determinant;
+    change[2] = (j[0][0] * (j[1][1] * r[2] - r[1] * j[2][1]) - j[0][1] * (j[1][0] * r[2] - r[1] * j[2][0])
+                 + r[0] * (j[1][0] * j[2][1] - j[1][1] * j[2][0])) / determinant;
+    return determinant;
+}
+
+/* Residual V1 - M + F_H z1 of the lower arm at rest, with the pan-head and the knee in balance:
+   F_H = k_C (k_E (zeta - eta) + mC g) / (k_C + k_E), and delta (in and out) from V2 + k_d delta + F_H z2 = 0. */
+static double wbm_arm_residual(const Constants *k, const double *u, double phi_1, double *delta) {
+    const double share = k->k_C / (k->k_C + k->k_E), head_weight = k->g / k->inverse_head_mass;
+    Geometry s = wbm_geometry(k, phi_1, *delta);
+    double force = 0.0;
+    int n;
+    for (n = 0; n < KNEE_STEPS; ++n) {
+        double residual, slope;
+        force = share * (k->k_E * (s.zeta - u[INPUT_ETA]) + head_weight);
+        residual = k->upper_gravity * s.cos_psi + k->k_d * *delta + force * s.zeta_delta;
+        slope = k->k_d + share * k->k_E * s.zeta_delta * s.zeta_delta
+              - (k->upper_gravity + force * k->l2) * s.sin_psi;
+        *delta -= residual / slope;
+        s = wbm_geometry(k, phi_1, *delta);
+    }
+    force = share * (k->k_E * (s.zeta - u[INPUT_ETA]) + head_weight);
+    return k->lower_gravity * s.cos_phi + k->upper_gravity * s.cos_psi * s.theta_1
+         + k->rod_gravity * s.cos_rho * s.rho_1 - u[INPUT_TORQUE] + force * s.zeta_phi;
+}
+
+/* Angle and bend near the equilibrium: the residual grows with the angle where it is stable, so its change of sign
+   nearest to the unbent linkage at the wire is bracketed by walking, then halved. 1 when there is none. */
+static int wbm_bracket_equilibrium(const Model *model, const double *u, double *phi_1, double *delta) {
+    const double walk = 0.002;
+    const Reach *reach = &model->reach;
+    double low = wbm_angle_at(model, u[INPUT_ETA]), high = low;
+    int n;
+    *delta = 0.0;
+    if (wbm_arm_residual(&model->constants, u, low, delta) < 0.0) {
+        do {
+            low = high;
+            high = low + walk;
+            if (!(high < reach->phi_high)) return 1;
+        } while (!(wbm_arm_residual(&model->constants, u, high, delta) >= 0.0));
+    } else {
+        do {
+            high = low;
+            low = high - walk;
+            if (!(low > reach->phi_low)) low = reach->phi_low;
+            if (!(high > reach->phi_low)) return 1;
+        } while (!(wbm_arm_residual(&model->constants, u, low, delta) < 0.0));
+    }
+    for (n = 0; n < BRACKET_HALVINGS; ++n) {
+        *phi_1 = 0.5 * (low + high);
+        if (wbm_arm_residual(&model->constants, u, *phi_1, delta) < 0.0) low = *phi_1;
+        else high = *phi_1;
+    }
+    return !(wbm_absolute(*delta) < 1.0);
+}
+
+/* Static equilibrium for the inputs: a bracket, then Newton with the exact tangent to the last digits. */
+static int wbm_solve_equilibrium(const Model *model, const double *u, double *x) {
+    double change[3], determinant, size;
+    const Constants *k = &model->constants;
+    int n;
+    for (n = 0; n < STATE_COUNT; ++n) x[n] = 0.0;
+    if (wbm_bracket_equilibrium(model, u, &x[STATE_PHI_1], &x[STATE_DELTA])) return 1;
+    x[STATE_XI] = (k->k_C * wbm_geometry(k, x[STATE_PHI_1], x[STATE_DELTA]).zeta + k->k_E * u[INPUT_ETA]
+                   - k->g / k->inverse_head_mass) / (k->k_C + k->k_E);
+    for (n = 0; n < NEWTON_LIMIT; ++n) {
+        determinant = wbm_newton_step(k, x, u, change);
+        size = wbm_absolute(change[0]) + wbm_absolute(change[1]) + wbm_absolute(change[2]);
+        if (!(size < 0.1)) return 1;
+        x[STATE_PHI_1] += change[0];
+        x[STATE_DELTA] += change[1];
+        x[STATE_XI] += change[2];
+        if (size < 1.0e-12) {
+            return !(determinant < 0.0 && x[STATE_PHI_1] > model->reach.phi_low
+                     && x[STATE_PHI_1] < model->reach.phi_high);
+        }
+    }
+    return 1;
+}
+
+/* Puts the model into the static equilibrium of the inputs; the state is untouched when there is none. */
+static int wbm_start(Model *model, const double *u, Message *message) {
+    double x[STATE_COUNT];
+    int n;
+    if (wbm_check_inputs(model, u, message)) return 1;
+    if (wbm_solve_equilibrium(model, u, x)) {
+        message_append(message, "there is no static equilibrium at the contact position eta = ");
+        message_append_number(message, u[INPUT_ETA]);
+        message_append(message, " m with the torque M_pa = ");
+        message_append_number(message, u[INPUT_TORQUE]);
+        message_append(message, " N.m");
+        wbm_append_reach(model, message);
+        return 1;
+    }
+    for (n = 0; n < STATE_COUNT; ++n) model->state[n] = x[n];
+    return 0;
+}
+
+/* One classical Runge-Kutta step of fourth order with constant inputs. */
+static void wbm_runge_kutta(const Constants *k, const double *u, double h, const double *x, double *next) {
+    double k1[STATE_COUNT], k2[STATE_COUNT], k3[STATE_COUNT], k4[STATE_COUNT], stage[STATE_COUNT];
+    int n;
+    wbm_derivatives(k, x, u, k1);
+    for (n = 0; n < STATE_COUNT; ++n) stage[n] = x[n] + 0.5 * h * k1[n];
+    wbm_derivatives(k, stage, u, k2);
+    for (n = 0; n < STATE_COUNT; ++n) stage[n] = x[n] + 0.5 * h * k2[n];
+    wbm_derivatives(k, stage, u, k3);
+    for (n = 0; n < STATE_COUNT; ++n) stage[n] = x[n] + h * k3[n];
+    wbm_derivatives(k, stage, u, k4);
+    for (n = 0; n < STATE_COUNT; ++n) {
+        next[n] = x[n] + h * (1.0 / 6.0) * ((k1[n] + k4[n]) + 2.0 * (k2[n] + k3[n]));
+    }
+}
+
+/* One tick; the state is untouched when the motion leaves the regular branch of the linkage. */
+static int wbm_advance(Model *model, const double *u, Message *message) {
+    double next[STATE_COUNT];
+    int n, regular;
+    if (wbm_check_inputs(model, u, message)) return 1;
+    wbm_runge_kutta(&model->constants, u, model->step, model->state, next);
+    regular = next[STATE_PHI_1] > model->reach.phi_low && next[STATE_PHI_1] < model->reach.phi_high;
+    for (n = 0; n < STATE_COUNT; ++n) regular = regular && wbm_absolute(next[n]) < 1.0e6;
+    if (!regular) {
+        message_append(message, "the motion leaves the linkage's regular range: the pan-head stood at xi = ");
+        message_append_number(message, model->state[STATE_XI]);
+        message_append(message, " m for the contact position eta = ");
+        message_append_number(message, u[INPUT_ETA]);
+        message_append(message, " m");
+        wbm_append_reach(model, message);
+        return 1;
+    }
+    for (n = 0; n < STATE_COUNT; ++n) model->state[n] = next[n];
+    return 0;
+}

@@ -1,0 +1,134 @@
+"""Levenberg-Marquardt on normal equations within a box, for costs whose Jacobian is too large to store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from identification.arrays import Array
+
+_SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-15, 1e10
+
+
+class NormalEquations(NamedTuple):
+    """Cost r'r, gradient part J'r and Gauss-Newton matrix J'J of residuals r with J = -d r / d x."""
+
+    cost: float
+    gradient: Array
+    gram: Array
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One accepted step (the first entry of a history is the start: step 0).
+
+    Attributes:
+        cost: Cost after the step.
+        damping: Levenberg-Marquardt damping with which it was found.
+        step: Largest change of a coordinate.
+        active: How many coordinates stood at a bound and were not moved.
+        trials: Cost evaluations it took.
+    """
+
+    cost: float
+    damping: float
+    step: float
+    active: int
+    trials: int
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a search ended.
+
+    Attributes:
+        x: Coordinates, inside the bounds.
+        cost: Cost there.
+        history: Start and accepted steps.
+        converged: False if the iteration limit ended the search.
+    """
+
+    x: Array
+    cost: float
+    history: tuple[Iteration, ...]
+    converged: bool
+
+
+def minimise(
+    cost: Callable[[Array], float],
+    normal_equations: Callable[[Array], NormalEquations],
+    start: Array,
+    bounds: tuple[Array, Array],
+    iterations: int,
+    tolerance: float,
+    largest_step: float,
+) -> Minimum:
+    """Minimise a sum of squares within a box.
+
+    A coordinate that stands at a bound and whose gradient points outwards is left out of the step (active
+    set); steps are cut at `largest_step` per coordinate and clipped to the box. Damping is Marquardt's: a
+    multiple of the diagonal of J'J.
+
+    Args:
+        cost: Cost at x, infinite (or not a number) where it cannot be computed.
+        normal_equations: The same with J'r and J'J.
+        start: First coordinates; moved into the box.
+        bounds: Lower and upper bounds.
+        iterations: Most accepted steps.
+        tolerance: Ends the search when a step lowers the cost by less than this fraction, or moves less than
+            this.
+        largest_step: Largest change of a coordinate in one step.
+    """
+    x = np.clip(start, *bounds)
+    here = normal_equations(x)
+    history = [Iteration(here.cost, 0.0, 0.0, 0, 1)]
+    damping, growth = 1e-3, 2.0
+    while len(history) <= iterations and np.isfinite(here.cost) and here.cost > 0.0:
+        free = _free(x, here.gradient, bounds)
+        trials, accepted, promised = 0, False, 0.0
+        while not accepted and damping <= _LARGEST_DAMPING and bool(free.any()):
+            candidate = np.clip(x + _step(here, free, damping, largest_step), *bounds)
+            move, trials = candidate - x, trials + 1
+            value = cost(candidate)
+            promised = float(2.0 * here.gradient @ move - move @ here.gram @ move)
+            accepted = bool(np.isfinite(value)) and value < here.cost
+            gain = (here.cost - value) / promised if accepted and promised > 0.0 else 0.0
+            if accepted:
+                used, factor = damping, max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3)
+                damping, growth = max(damping * factor, _SMALLEST_DAMPING), 2.0
+            elif float(np.abs(move).max()) < 1e-14:
+                break
+            else:
+                damping, growth = damping * growth, 2.0 * growth
+        if not accepted:  # no smaller cost within rounding
+            return Minimum(x, here.cost, tuple(history), True)
+        before, x, here = here.cost, candidate, normal_equations(candidate)
+        history.append(Iteration(here.cost, used, float(np.abs(move).max()), int((~free).sum()), trials))
+        small = before - here.cost <= tolerance * before and promised <= 10.0 * tolerance * before
+        if small or history[-1].step <= tolerance * 1e-3:
+            return Minimum(x, here.cost, tuple(history), True)
+    return Minimum(x, here.cost, tuple(history), not here.cost > 0.0)
+
+
+def _free(x: Array, gradient: Array, bounds: tuple[Array, Array]) -> npt.NDArray[np.bool_]:
+    """Return which coordinates a step may move: `gradient` (J'r) points downhill."""
+    held = ((x <= bounds[0]) & (gradient <= 0.0)) | ((x >= bounds[1]) & (gradient >= 0.0))
+    free: npt.NDArray[np.bool_] = ~held & np.isfinite(gradient)
+    return free
+
+
+def _step(here: NormalEquations, free: npt.NDArray[np.bool_], damping: float, largest: float) -> Array:
+    """Return the damped Gauss-Newton step of the free coordinates, solved with unit diagonal."""
+    step = np.zeros_like(here.gradient)
+    gram, gradient = here.gram[np.ix_(free, free)], here.gradient[free]
+    diagonal = np.diag(gram)
+    scale = np.sqrt(np.maximum(diagonal, 1e-30 * max(float(diagonal.max()), 1e-300)))
+    matrix = gram / np.outer(scale, scale) + damping * np.eye(len(scale))
+    step[free] = np.linalg.lstsq(matrix, gradient / scale, rcond=1e-15)[0] / scale
+    # Each coordinate by itself: one that is hardly determined must not hold back the others.
+    limited: Array = np.clip(step, -largest, largest)
+    return limited

@@ -1,0 +1,171 @@
+"""Theta from the frequency response of a black-box model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmu_builder.errors import IdentificationError
+from identification.local_model import LocalModel
+from identification.surrogate import frequency_response
+from identification.surrogate.frequency_response import (
+    FrequencyResponseFit,
+    FrequencyResponseSettings,
+    fit_frequency_response,
+    input_spectrum,
+    local_response,
+    response_weights,
+)
+from identification.surrogate.structure import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, STRUCTURES, Head
+from tolerances import SURROGATE_RECOVERY
+
+HEAD = Head(m_C=5.609, k_C=10384.8, c_C=32.0, k_E=1e5)
+PLANT = np.array([8.0, 14.0, 25343.9, 25.0, 0.3, 1200.0, 30.0])
+SETTINGS = FrequencyResponseSettings(random_starts=2)
+TS = 1e-3
+
+
+def black_box(theta: np.ndarray, head: Head = HEAD, name: str = "chain7") -> LocalModel:
+    """The chain as a model in some other basis, with signals in another order than ours."""
+    dynamics = STRUCTURES[name].discretise(theta, head, TS)
+    swapped = [2, 0, 3, 1]
+    model = LocalModel(
+        *(dynamics.A, dynamics.B[:, ::-1], OUTPUT_MATRIX[swapped], np.zeros((4, 2)), TS),
+        inputs=INPUT_NAMES[::-1],
+        outputs=tuple(OUTPUT_NAMES[index] for index in swapped),
+        input_operating_point=np.array([1310.9, 1.5]),
+        output_operating_point=np.zeros(4),
+    )
+    return model.transformed(np.random.default_rng(5).normal(size=(6, 6)))
+
+
+def spectrum(frequencies: np.ndarray) -> np.ndarray:
+    """First-order noise for the height, holds of about 0.1 s for the torque."""
+    height = 1e-8 / (1.0 + (frequencies / 10.0) ** 2)
+    torque = 200.0 * np.sinc(0.1 * frequencies) ** 2 + 1.0
+    return np.stack([height, torque], axis=-1)
+
+
+def fit(model: LocalModel, name: str = "chain7", head: Head = HEAD, **changes) -> FrequencyResponseFit:
+    settings = SETTINGS.model_copy(update=changes)
+    frequencies = settings.frequencies()
+    response = local_response(model, frequencies)
+    weights = response_weights(response, spectrum(frequencies), frequencies)
+    return fit_frequency_response(response, weights, STRUCTURES[name], head, TS, settings)
+
+
+def test_a_known_plant_is_recovered_in_any_basis() -> None:
+    found = fit(black_box(PLANT))
+    np.testing.assert_allclose(found.theta, PLANT, rtol=SURROGATE_RECOVERY)
+    assert found.relative_error < 1e-8  # what a random basis costs in rounding
+    assert not found.at_bound
+    assert found.starts == 4 and 1 <= found.agreed <= 4 and len(found.costs) == 4
+
+
+def test_the_head_is_recovered_when_it_is_free() -> None:
+    theta = np.array([*PLANT, 6.5, 9000.0, 45.0])
+    model = black_box(theta, name="chain10")
+    found = fit(model, "chain10")
+    np.testing.assert_allclose(found.theta, theta, rtol=SURROGATE_RECOVERY)
+    assert fit(model).relative_error > 1e-2  # the wrong head cannot be made up for by the rest
+
+
+@pytest.mark.parametrize(("name", "factor", "side"), [("m_H", 0.4, "lower"), ("r_M", 4.0, "upper")])
+def test_a_plant_outside_the_bounds_ends_at_them_and_is_flagged(name: str, factor: float, side: str) -> None:
+    structure = STRUCTURES["chain7"]
+    outside = np.where(np.array(structure.names) == name, factor, 1.0) * PLANT  # m_H 3.2 kg or r_M 1.2 m
+    found = fit(black_box(outside))
+    lower, upper = np.array([(one.lower, one.upper) for one in structure.parameters]).T
+    assert np.all((found.theta >= lower) & (found.theta <= upper))
+    assert found.at_bound[name] == side
+    assert found.theta[structure.names.index(name)] == getattr(
+        structure.parameters[structure.names.index(name)], side
+    )
+    assert found.relative_error > 1e-3
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_other_starts() -> None:
+    first, again, other = (fit(black_box(PLANT), seed=seed, iterations=5) for seed in (0, 0, 1))
+    assert first.costs == again.costs
+    assert first.costs[:2] == other.costs[:2] and first.costs[2:] != other.costs[2:]
+
+
+def test_more_starts_can_be_given() -> None:
+    frequencies = SETTINGS.frequencies()
+    response = local_response(black_box(PLANT), frequencies)
+    weights = response_weights(response, spectrum(frequencies), frequencies)
+    found = fit_frequency_response(
+        *(response, weights, STRUCTURES["chain7"], HEAD, TS),
+        SETTINGS.model_copy(update={"iterations": 4, "random_starts": 0}),
+        {"neighbour": PLANT * 1.01},
+    )
+    assert found.best_start == "neighbour" and found.starts == 3
+
+
+def test_gradient_and_gauss_newton_matrix_against_differences() -> None:
+    frequencies = SETTINGS.frequencies()
+    response = local_response(black_box(PLANT), frequencies)
+    weights = response_weights(response, spectrum(frequencies), frequencies)
+    structure = STRUCTURES["chain7"]
+    problem = frequency_response._ResponseProblem(response, weights, structure, HEAD, TS, frequencies)
+    search = structure.to_search(PLANT * np.array([1.1, 0.9, 1.2, 0.7, 1.05, 2.0, 0.8]))
+
+    def modelled(x: np.ndarray) -> np.ndarray:
+        theta = structure.from_search(x)
+        dynamics = structure.discretise(theta, HEAD, TS)
+        z = np.exp(2j * np.pi * frequencies * TS)[:, None, None]
+        return weights * (np.linalg.inv(z * np.eye(6) - dynamics.A) @ dynamics.B)[:, :4]
+
+    step = 1e-5
+    jacobian = np.stack(
+        [(modelled(search + step * e) - modelled(search - step * e)).ravel() / (2 * step) for e in np.eye(7)],
+        axis=-1,
+    )
+    residual = (weights * response - modelled(search)).ravel()
+    normal = problem.normal_equations(search)
+    assert normal.cost == pytest.approx(np.sum(np.abs(residual) ** 2), rel=1e-9)
+    assert problem.cost(search) == pytest.approx(normal.cost, rel=1e-12)
+    np.testing.assert_allclose(normal.gradient, (jacobian.conj().T @ residual).real, rtol=1e-5)
+    gram = (jacobian.conj().T @ jacobian).real
+    np.testing.assert_allclose(normal.gram, gram, rtol=0, atol=1e-8 * gram.max())
+
+
+def test_weights_are_what_an_error_does_to_the_output() -> None:
+    frequencies = SETTINGS.frequencies()
+    response = local_response(black_box(PLANT), frequencies)
+    power = spectrum(frequencies)
+    weights = response_weights(response, power, frequencies)
+    # All of the response taken as error is all of each output.
+    np.testing.assert_allclose(np.sum(np.abs(weights * response) ** 2, axis=(0, 2)), 1.0, rtol=1e-12)
+    ratio = weights[40, 2, 1] / weights[40, 2, 0]
+    assert ratio == pytest.approx(np.sqrt(power[40, 1] / power[40, 0]), rel=1e-12)
+
+
+def test_the_spectrum_of_known_noise_is_found_under_a_slow_journey() -> None:
+    generator = np.random.default_rng(3)
+    noise = generator.normal(scale=[2e-3, 30.0], size=(60_000, 2))
+    noise[:, 0] += 0.6 + 0.03 * np.arange(60_000) * TS
+    frequencies = np.geomspace(0.5, 40.0, 20)
+    found = input_spectrum(noise, TS, frequencies)
+    expected = 2.0 * TS * np.array([2e-3, 30.0]) ** 2  # one-sided density of white noise
+    np.testing.assert_allclose(np.median(found, axis=0), expected, rtol=0.15)
+
+
+def test_a_model_without_the_signals_is_refused() -> None:
+    model = black_box(PLANT)
+    other = LocalModel(
+        *(model.A, model.B, model.C, model.D, TS),
+        inputs=("M_pa", "height"),
+        outputs=("zeta", "xi", "zeta_dot", "speed"),
+        input_operating_point=np.zeros(2),
+        output_operating_point=np.zeros(4),
+    )
+    with pytest.raises(IdentificationError, match="xi_dot, eta"):
+        local_response(other, SETTINGS.frequencies())
+
+
+def test_a_response_without_sense_is_refused() -> None:
+    frequencies = SETTINGS.frequencies()
+    response = np.full((frequencies.size, 4, 2), np.nan + 0j)
+    with pytest.raises(IdentificationError, match="no start"):
+        fit_frequency_response(response, np.ones(response.shape), STRUCTURES["chain7"], HEAD, TS, SETTINGS)

@@ -1,0 +1,196 @@
+"""The chain structures against springs and dampers assembled independently, and their exact derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fmu_builder.errors import SettingsError
+from identification.surrogate.structure import STRUCTURES, Head, Parameter, Structure
+from tolerances import SURROGATE_EQUILIBRIUM, SURROGATE_EXPONENTIAL
+
+HEAD = Head(m_C=5.609, k_C=10384.8, c_C=32.0, k_E=1e5)
+CHAIN7, CHAIN10 = STRUCTURES["chain7"], STRUCTURES["chain10"]
+PLANT = np.array([8.0, 14.0, 25343.9, 25.0, 0.3, 1200.0, 30.0])
+# What a later structure looks like: the torque also lifts m_H, some coefficients may be negative.
+EXTENDED = Structure(
+    "extended",
+    "torque on both lower masses",
+    (
+        *CHAIN7.parameters[:4],
+        Parameter("b_M", "1/m", "force per torque on m_M", 0.01, 1000.0),
+        Parameter("k_W", "N/m", "stiffness to the wall", -1e4, 1e4, "linear", 100.0),
+        Parameter("c_W", "N.s/m", "damping to the wall", -50.0, 500.0, "linear"),
+        Parameter("c_H", "N.s/m", "damping of m_H to ground", -50.0, 50.0, "linear"),
+        Parameter("b_H", "1/m", "force per torque on m_H", -10.0, 10.0, "linear", 0.1),
+    ),
+)
+
+
+def springs_and_dampers(
+    values: dict[str, float],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """M q'' + C q' + K q = F u of a chain, element by element; q = xi, zeta, delta_M."""
+    mass = np.diag([values["m_C"], values["m_H"], values["m_M"]])
+    stiffness, damping = np.zeros((3, 3)), np.zeros((3, 3))
+    for matrix, elements in (
+        (stiffness, [(0, None, "k_E"), (0, 1, "k_C"), (1, 2, "k_L"), (2, None, "k_W")]),
+        (damping, [(0, 1, "c_C"), (1, 2, "c_L"), (2, None, "c_W"), (1, None, "c_H")]),
+    ):
+        for first, second, name in elements:
+            direction = np.zeros(3)
+            direction[first] = 1.0
+            if second is not None:
+                direction[second] = -1.0
+            matrix += values.get(name, 0.0) * np.outer(direction, direction)
+    force = np.array([[values["k_E"], 0.0], [0.0, values.get("b_H", 0.0)], [0.0, values["b_M"]]])
+    return mass, damping, stiffness, force
+
+
+def second_order_state_space(values: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    mass, damping, stiffness, force = springs_and_dampers(values)
+    inverse = np.linalg.inv(mass)
+    order = [0, 3, 1, 4, 2, 5]  # q, q' to the interleaved state of eq. 3.21
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-inverse @ stiffness, -inverse @ damping]])
+    B = np.vstack([np.zeros((3, 2)), inverse @ force])
+    return A[np.ix_(order, order)], B[order]
+
+
+@pytest.mark.parametrize("structure", [CHAIN7, CHAIN10, EXTENDED], ids=lambda one: one.name)
+@settings(max_examples=25, deadline=None)
+@given(place=st.lists(st.floats(0.02, 0.98), min_size=10, max_size=10))
+def test_matrices_are_those_of_springs_and_dampers(structure: Structure, place: list[float]) -> None:
+    lower, upper = structure.bounds
+    theta = structure.from_search(lower + (upper - lower) * np.array(place[: len(lower)]))
+    values = {"m_C": HEAD.m_C, "k_C": HEAD.k_C, "c_C": HEAD.c_C, "k_E": HEAD.k_E}
+    values |= dict(zip(structure.names, theta.tolist(), strict=True))
+    if "r_M" in values:
+        values["b_M"] = 1.0 / values["r_M"]
+    A, B = second_order_state_space(values)
+    given_A, given_B = structure.continuous(theta, HEAD)
+    np.testing.assert_allclose(given_A, A, rtol=1e-13, atol=1e-13 * np.abs(A).max())
+    np.testing.assert_allclose(given_B, B, rtol=1e-13)
+
+
+def test_entries_of_equation_3_22() -> None:
+    A, B = CHAIN7.continuous(PLANT, HEAD)
+    assert A[1, 0] == -(1e5 + 10384.8) / 5.609
+    assert A[3, 2] == -(10384.8 + 25343.9) / 8.0
+    assert A[5, 5] == -(25.0 + 30.0) / 14.0
+    assert A[5, 4] == -(25343.9 + 1200.0) / 14.0
+    assert B[5, 1] == pytest.approx(1.0 / (0.3 * 14.0), rel=1e-15)
+    assert B[1, 0] == 1e5 / 5.609
+    assert np.count_nonzero(A) == 3 + 4 + 6 + 4 and np.count_nonzero(B) == 2
+
+
+def theta_inside(structure: Structure, seed: int) -> np.ndarray:
+    lower, upper = structure.bounds
+    return structure.from_search(np.random.default_rng(seed).uniform(lower, upper))
+
+
+def augmented(structure: Structure, theta: np.ndarray) -> np.ndarray:
+    A, B = structure.continuous(theta, HEAD)
+    matrix = np.zeros((8, 8), dtype=A.dtype)
+    matrix[:6, :6], matrix[:6, 6:] = A, B
+    return matrix
+
+
+def exact_exponential(matrix: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """exp and its derivative in 40 digits: exp([[X, E], [0, X]]) holds both (scipy errs 1e-12)."""
+    with mpmath.workdps(40):
+        block = mpmath.matrix(np.block([[matrix, direction], [np.zeros((8, 8)), matrix]]).tolist())
+        result = mpmath.expm(block, method="taylor")
+        table = np.array([[float(result[row, column]) for column in range(16)] for row in range(8)])
+    return table[:, :8], table[:, 8:]
+
+
+@pytest.mark.parametrize("structure", [CHAIN7, CHAIN10, EXTENDED], ids=lambda one: one.name)
+@pytest.mark.parametrize("seed", [None, 2])
+def test_discretisation_and_its_derivatives(structure: Structure, seed: int | None) -> None:
+    theta = structure.from_search(structure.to_search(np.resize(PLANT, len(structure.names))))
+    if seed is not None:
+        theta = theta_inside(structure, seed)
+    dynamics = structure.discretise(theta, HEAD, 1e-3)
+    for index in range(len(theta)):
+        direction = complex_step(structure, theta, index, lambda moved: augmented(structure, moved))
+        held, slope = exact_exponential(augmented(structure, theta) * 1e-3, direction * 1e-3)
+        for mine, exact in (
+            *((dynamics.A, held[:6, :6]), (dynamics.B, held[:6, 6:])),
+            *((dynamics.dA[index], slope[:6, :6]), (dynamics.dB[index], slope[:6, 6:])),
+        ):
+            assert np.abs(mine - exact).max() <= SURROGATE_EXPONENTIAL * np.abs(exact).max(), index
+
+
+def complex_step(structure: Structure, theta: np.ndarray, index: int, what: Callable) -> np.ndarray:
+    """Derivative of `what` to one parameter; what it computes is rational, so a tiny step is exact."""
+    moved = theta.astype(complex)
+    moved[index] += 1e-30j
+    return what(moved).imag / 1e-30
+
+
+def test_equilibrium_per_height_and_its_derivative() -> None:
+    dynamics = CHAIN7.discretise(PLANT, HEAD, 1e-3)
+    np.testing.assert_allclose(
+        dynamics.g, np.linalg.solve(np.eye(6) - dynamics.A, dynamics.B[:, 0]), atol=SURROGATE_EQUILIBRIUM
+    )
+
+    def at_rest(theta: np.ndarray) -> np.ndarray:
+        A, B = CHAIN7.continuous(theta, HEAD)
+        return -np.linalg.inv(A) @ B[:, 0]
+
+    for index in range(len(PLANT)):
+        exact = complex_step(CHAIN7, PLANT, index, at_rest) * PLANT[index]
+        np.testing.assert_allclose(
+            dynamics.dg[index] * PLANT[index], exact, rtol=0, atol=SURROGATE_EQUILIBRIUM
+        )
+
+
+def test_without_derivatives_the_matrices_are_the_same() -> None:
+    full, plain = (CHAIN7.discretise(PLANT, HEAD, 1e-3, derivatives=flag) for flag in (True, False))
+    np.testing.assert_array_equal(full.A, plain.A)
+    np.testing.assert_array_equal(full.B, plain.B)
+    np.testing.assert_array_equal(full.g, plain.g)
+    assert plain.dA.shape == (0, 6, 6)
+
+
+@pytest.mark.parametrize("structure", [CHAIN7, CHAIN10, EXTENDED], ids=lambda one: one.name)
+def test_search_coordinates_go_there_and_back(structure: Structure) -> None:
+    theta = np.stack([theta_inside(structure, seed) for seed in (4, 5, 6)])
+    back = structure.from_search(structure.to_search(theta))
+    np.testing.assert_allclose(back, theta, rtol=1e-13)
+    search = structure.to_search(theta[0])
+    for index in range(search.size):
+        step = np.zeros_like(search)
+        step[index] = 1e-6
+        change = (structure.from_search(search + step) - structure.from_search(search - step)) / 2e-6
+        assert change[index] == pytest.approx(structure.slope(theta[0])[index], rel=1e-8)
+
+
+def test_values_outside_the_bounds_are_moved_in_and_flagged() -> None:
+    theta = CHAIN7.from_search(CHAIN7.to_search(np.array([4.0, 60.0, 0.0, 25.0, 0.3, 0.0, 3e5])))
+    assert theta[0] == 5.0 and theta[1] == 50.0 and theta[6] == 2e5
+    assert CHAIN7.at_bound(theta) == {
+        **{"m_H": "lower", "m_M": "upper", "k_L": "lower", "k_W": "lower", "c_W": "upper"}
+    }
+    assert CHAIN7.at_bound(PLANT) == {}
+
+
+def test_bounds_are_those_of_table_4_2() -> None:
+    table = {
+        **{"m_H": (5, 50), "m_M": (5, 50), "k_L": (0, 1e7), "c_L": (1e-3, 2e5), "r_M": (1e-3, 0.6)},
+        **{"k_W": (0, 1e7), "c_W": (0, 2e5), "m_C": (1, 30), "k_C": (1e-7, 1e7), "c_C": (1e-3, 2e5)},
+    }
+    assert CHAIN10.names == tuple(table) and CHAIN7.names == tuple(table)[:7]
+    for parameter in CHAIN10.parameters:
+        assert (parameter.lower, parameter.upper) == table[parameter.name]
+
+
+def test_an_impossible_head_is_refused_with_all_problems() -> None:
+    with pytest.raises(SettingsError) as caught:
+        Head(m_C=-1.0, k_C=float("nan"), c_C=32.0, k_E=1e5)
+    assert len(caught.value.problems) == 2

@@ -1,0 +1,16 @@
+"""The only arithmetic of a local linear model network: C, and the same equations as scalar Python."""
+
+from fmu_builder.kernel.native import SOURCES, Network, simulate, static_outputs, validities
+from fmu_builder.kernel.table_writer import tables_header
+from fmu_builder.kernel.tables import Tables, tables_of
+
+__all__ = [
+    "SOURCES",
+    "Network",
+    "Tables",
+    "simulate",
+    "static_outputs",
+    "tables_header",
+    "tables_of",
+    "validities",
+]

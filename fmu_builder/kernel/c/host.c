@@ -1,0 +1,61 @@
+/* The kernel as Python loads it: whole runs in one call. */
+
+#include "elementary.c"
+#include "kernel.c"
+
+EXPORTED int llmn_state_size(const Tables *tables) { return kernel_state_size(tables); }
+
+EXPORTED int llmn_start(const Tables *tables, double *state, const double *inputs) {
+    return kernel_start(tables, state, inputs);
+}
+
+EXPORTED void llmn_tick(const Tables *tables, double *state, const double *inputs) {
+    kernel_tick(tables, state, inputs);
+}
+
+EXPORTED void llmn_outputs(const Tables *tables, const double *state, const double *inputs, double *values) {
+    kernel_outputs(tables, state, inputs, values);
+}
+
+EXPORTED double llmn_feedthrough(const Tables *tables, const double *state, int output, int input) {
+    return kernel_feedthrough(tables, state, output, input);
+}
+
+/* Row k: the outputs read after inputs[k] were set and before the tick that uses them. 1 = no steady state for row 0. */
+EXPORTED int llmn_simulate(
+    const Tables *tables, double *state, const double *inputs, long long count, double *outputs) {
+    int columns = tables->outputs + tables->derived;
+    long long row;
+    if (kernel_start(tables, state, inputs)) return 1;
+    for (row = 0; row < count; ++row) {
+        if (row > 0) kernel_tick(tables, state, inputs + (row - 1) * tables->inputs);
+        kernel_outputs(tables, state, inputs + row * tables->inputs, outputs + row * columns);
+    }
+    return 0;
+}
+
+/* weights[k] = phi(scheduling[k]); the state is scratch. */
+EXPORTED void llmn_weights(
+    const Tables *tables, double *state, const double *scheduling, long long count, double *weights) {
+    KernelView view = kernel_view(tables, state);
+    long long row;
+    int i;
+    for (row = 0; row < count; ++row) {
+        (void)kernel_schedule(tables, &view, scheduling[row]);
+        for (i = 0; i < tables->local_models; ++i) weights[row * tables->local_models + i] = view.weights[i];
+    }
+}
+
+/* y_e(position[k]) by the kernel's own interpolation; the state is scratch. */
+EXPORTED void llmn_static_map(
+    const Tables *tables, double *state, const double *positions, long long count, double *values) {
+    KernelView view = kernel_view(tables, state);
+    long long row;
+    int i;
+    for (row = 0; row < count; ++row) {
+        view.low_pass[0] = positions[row];
+        view.scheduling_held[0] = positions[row];
+        kernel_rest(tables, &view);
+        for (i = 0; i < tables->outputs; ++i) values[row * tables->outputs + i] = view.held[i];
+    }
+}

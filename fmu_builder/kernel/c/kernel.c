@@ -1,0 +1,355 @@
+/* The arithmetic of the local linear model network; equations and names in kernel.h. */
+
+#include "kernel.h"
+#include "linear_solve.c"
+
+/* Numbers in the state array: the parts of KernelView one after the other. */
+static inline int kernel_state_size(const Tables *t) {
+    int local_states = t->blending == BLENDING_OUTPUT ? t->local_models * t->states : t->states;
+    int wide = t->states > t->outputs ? t->states : t->outputs;
+    return local_states + t->local_models + t->outputs + t->inputs * t->outputs + t->states + 3 /* carried */
+           + 2 + 2 * t->inputs + 3 * t->states + wide + t->states * t->states; /* scratch */
+}
+
+static inline KernelView kernel_view(const Tables *t, double *state) {
+    KernelView v;
+    int local_states = t->blending == BLENDING_OUTPUT ? t->local_models * t->states : t->states;
+    v.x = state;
+    v.weights = v.x + local_states;
+    v.held = v.weights + t->local_models;
+    v.feedthrough = v.held + t->outputs;
+    v.g_held = v.feedthrough + t->inputs * t->outputs;
+    v.scheduling_held = v.g_held + t->states;
+    v.low_pass = v.scheduling_held + 1;
+    v.in_range = v.low_pass + 1;
+    v.pair = v.in_range + 1;
+    v.deviation = v.pair + 2;
+    v.x0 = v.deviation + t->inputs;
+    v.u0 = v.x0 + t->states;
+    v.shift = v.u0 + t->inputs;
+    v.product = v.shift + t->states;
+    v.next = v.product + (t->states > t->outputs ? t->states : t->outputs);
+    v.matrix = v.next + t->states;
+    return v;
+}
+
+static inline double kernel_clip(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+}
+
+/* The cell [positions[k], positions[k+1]) that holds value; the outer cells reach to infinity. Guess, then walk. */
+static inline int kernel_cell(const double *positions, int count, double scale, double value) {
+    int cell;
+    if (!(value >= positions[1])) return 0;
+    if (value >= positions[count - 2]) return count - 2;
+    cell = (int)((value - positions[0]) * scale);
+    if (cell > count - 2) cell = count - 2;
+    while (value < positions[cell]) --cell;
+    while (value >= positions[cell + 1]) ++cell;
+    return cell;
+}
+
+/* f = (value - c_k) / (c_k+1 - c_k); outside [0, 1] beyond the ends. */
+static inline double kernel_fraction(const double *positions, int cell, double value) {
+    return (value - positions[cell]) / (positions[cell + 1] - positions[cell]);
+}
+
+/* result = (1 - f) rows[cell] + f rows[cell + 1] */
+static inline void kernel_between(
+    const double *rows, int length, int cell, double fraction, double *restrict result) {
+    const double *left = rows + cell * length;
+    const double *right = left + length;
+    int i;
+    for (i = 0; i < length; ++i) result[i] = (1.0 - fraction) * left[i] + fraction * right[i];
+}
+
+/* phi_i = exp(l_i - max l) / sum exp(l_k - max l), l_i = (curvature_i d + slope_i) d + constant_i */
+static inline void kernel_gaussian_weights(const Tables *t, double r, double *restrict weights) {
+    double d = r - t->range_middle;
+    double highest, sum = 0.0, inverse;
+    int i;
+    for (i = 0; i < t->local_models; ++i) {
+        const double *l = t->log_weights + 3 * i;
+        weights[i] = (l[2] * d + l[1]) * d + l[0];
+    }
+    highest = weights[0];
+    for (i = 1; i < t->local_models; ++i) highest = weights[i] > highest ? weights[i] : highest;
+    for (i = 0; i < t->local_models; ++i) weights[i] = elementary_exp(weights[i] - highest);
+    for (i = 0; i < t->local_models; ++i) sum += weights[i];
+    inverse = 1.0 / sum;
+    for (i = 0; i < t->local_models; ++i) weights[i] *= inverse;
+}
+
+/* Weights phi(r) into the state; returns the active models of a parameter blend. */
+static inline KernelBlend kernel_schedule(const Tables *t, const KernelView *v, double scheduling) {
+    double r = kernel_clip(scheduling, t->range_low, t->range_high);
+    KernelBlend blend;
+    blend.first = 0;
+    blend.count = t->local_models;
+    blend.weights = v->weights;
+    if (t->nodes == 0) {
+        kernel_gaussian_weights(t, r, v->weights);
+    } else {
+        int cell = kernel_cell(t->node_positions, t->nodes, t->node_scale, r);
+        double fraction = kernel_fraction(t->node_positions, cell, r);
+        kernel_between(t->node_weights, t->local_models, cell, fraction, v->weights);
+        if (t->blending == BLENDING_PARAMETER) {
+            v->pair[0] = 1.0 - fraction;
+            v->pair[1] = fraction;
+            blend.first = cell;
+            blend.count = 2;
+            blend.weights = v->pair;
+        }
+    }
+    return blend;
+}
+
+/* result = sum_a w_a rows[a] */
+static inline void kernel_blended(const KernelBlend *blend, const double *rows, int length, double *restrict result) {
+    int a, i;
+    for (i = 0; i < length; ++i) result[i] = 0.0;
+    for (a = 0; a < blend->count; ++a) {
+        const double *row = rows + (blend->first + a) * length;
+        for (i = 0; i < length; ++i) result[i] += blend->weights[a] * row[i];
+    }
+}
+
+/* result += M vector, M[columns][rows] stored by columns */
+static inline void kernel_multiply(
+    const double *matrix, int rows, int columns, const double *vector, double *restrict result) {
+    int row, column;
+    for (column = 0; column < columns; ++column) {
+        for (row = 0; row < rows; ++row) result[row] += matrix[column * rows + row] * vector[column];
+    }
+}
+
+/* result = A_k x + B_k u; the scheduling column of B is left out where the equilibrium is scheduled */
+static inline void kernel_transition(
+    const Tables *t, int model, const double *x, const double *u, double *restrict result) {
+    const double *B = t->B + model * t->inputs * t->states;
+    int column, row;
+    for (row = 0; row < t->states; ++row) result[row] = 0.0;
+    kernel_multiply(t->A + model * t->states * t->states, t->states, t->states, x, result);
+    for (column = 0; column < t->inputs; ++column) {
+        if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM && column == t->scheduling) continue;
+        kernel_multiply(B + column * t->states, t->states, 1, u + column, result);
+    }
+}
+
+/* deviation = u - reference; the low-passed scheduling input counts from its low-pass */
+static inline void kernel_deviation(
+    const Tables *t, const KernelView *v, const double *inputs, const double *reference) {
+    int j;
+    for (j = 0; j < t->inputs; ++j) v->deviation[j] = inputs[j] - reference[j];
+    if (t->offsets == OFFSETS_LOW_PASS) v->deviation[t->scheduling] = inputs[t->scheduling] - v->low_pass[0];
+}
+
+/* x - x0 into shift */
+static inline const double *kernel_shifted(const Tables *t, const KernelView *v, const double *x, const double *x0) {
+    int i;
+    for (i = 0; i < t->states; ++i) v->shift[i] = x[i] - x0[i];
+    return v->shift;
+}
+
+/* One tick without rebase: x <- A x + B u, per local model or for the blend. */
+static inline void kernel_advance(const Tables *t, const KernelView *v, const KernelBlend *blend, const double *inputs) {
+    int affine = t->offsets == OFFSETS_AFFINE;
+    const double *source = v->x;
+    int i, k;
+    if (!affine) kernel_deviation(t, v, inputs, t->input_operating_point);
+    if (t->blending == BLENDING_OUTPUT) {
+        for (k = 0; k < t->local_models; ++k) {
+            double *x = v->x + k * t->states;
+            source = x;
+            if (affine) {
+                kernel_deviation(t, v, inputs, t->u0 + k * t->inputs);
+                source = kernel_shifted(t, v, x, t->x0 + k * t->states);
+            }
+            kernel_transition(t, k, source, v->deviation, v->next);
+            for (i = 0; i < t->states; ++i) x[i] = v->next[i];
+        }
+        return;
+    }
+    if (affine) {
+        kernel_blended(blend, t->u0, t->inputs, v->u0);
+        kernel_blended(blend, t->x0, t->states, v->x0);
+        kernel_deviation(t, v, inputs, v->u0);
+        source = kernel_shifted(t, v, v->x, v->x0);
+    }
+    for (i = 0; i < t->states; ++i) v->next[i] = 0.0;
+    for (k = 0; k < blend->count; ++k) {
+        kernel_transition(t, blend->first + k, source, v->deviation, v->product);
+        for (i = 0; i < t->states; ++i) v->next[i] += blend->weights[k] * v->product[i];
+    }
+    for (i = 0; i < t->states; ++i) v->x[i] = v->next[i];
+}
+
+/* held = y_op, or y_e(position) where there is a static map, or zero for affine offsets (y0 follows) */
+static inline void kernel_rest(const Tables *t, const KernelView *v) {
+    double position = t->offsets == OFFSETS_LOW_PASS ? v->low_pass[0] : v->scheduling_held[0];
+    int i;
+    if (t->map_points > 0) {
+        int cell = kernel_cell(t->map_positions, t->map_points, t->map_scale, position);
+        double fraction = kernel_fraction(t->map_positions, cell, position);
+        kernel_between(t->map_values, t->outputs, cell, fraction, v->held);
+    } else {
+        for (i = 0; i < t->outputs; ++i) {
+            v->held[i] = t->offsets == OFFSETS_AFFINE ? 0.0 : t->output_operating_point[i];
+        }
+    }
+}
+
+/* held += weight (C x [+ y0 + D (u_op - u0)]) of one model, the brackets for affine offsets: then u_ref is u_op */
+static inline void kernel_hold_model(
+    const Tables *t, const KernelView *v, int model, double weight, const double *x, const double *u0) {
+    int i;
+    for (i = 0; i < t->outputs; ++i) v->product[i] = 0.0;
+    kernel_multiply(t->C + model * t->states * t->outputs, t->outputs, t->states, x, v->product);
+    if (t->offsets == OFFSETS_AFFINE) {
+        const double *y0 = t->y0 + model * t->outputs;
+        for (i = 0; i < t->outputs; ++i) v->product[i] += y0[i];
+        if (t->feedthrough) {
+            const double *D = t->D + model * t->inputs * t->outputs;
+            kernel_deviation(t, v, t->input_operating_point, u0);
+            kernel_multiply(D, t->outputs, t->inputs, v->deviation, v->product);
+        }
+    }
+    for (i = 0; i < t->outputs; ++i) v->held[i] += weight * v->product[i];
+}
+
+/* Outputs of the present x into held, blended D into feedthrough. */
+static inline void kernel_hold(const Tables *t, const KernelView *v, const KernelBlend *blend) {
+    int affine = t->offsets == OFFSETS_AFFINE;
+    const double *source = v->x;
+    int k;
+    kernel_rest(t, v);
+    if (t->feedthrough) kernel_blended(blend, t->D, t->inputs * t->outputs, v->feedthrough);
+    if (t->blending == BLENDING_OUTPUT) {
+        for (k = 0; k < t->local_models; ++k) {
+            source = v->x + k * t->states;
+            if (affine) source = kernel_shifted(t, v, source, t->x0 + k * t->states);
+            kernel_hold_model(t, v, k, v->weights[k], source, affine ? t->u0 + k * t->inputs : v->u0);
+        }
+    } else {
+        if (affine) source = kernel_shifted(t, v, v->x, v->x0);
+        for (k = 0; k < blend->count; ++k) {
+            kernel_hold_model(t, v, blend->first + k, blend->weights[k], source, v->u0);
+        }
+    }
+}
+
+/* x <- x - 1/2 (g(r_n) + g(r_n-1)) (s_n - s_n-1); with output blending every local model has its one g */
+static inline void kernel_rebase(const Tables *t, const KernelView *v, const KernelBlend *blend, double change) {
+    int i;
+    if (t->blending == BLENDING_OUTPUT) {
+        for (i = 0; i < t->local_models * t->states; ++i) v->x[i] -= t->g[i] * change;
+        return;
+    }
+    kernel_blended(blend, t->g, t->states, v->next);
+    for (i = 0; i < t->states; ++i) {
+        v->x[i] -= (0.5 * (v->next[i] + v->g_held[i])) * change;
+        v->g_held[i] = v->next[i];
+    }
+}
+
+/* 1.0 when every input lies in [minimum, maximum] of training and the scheduling input in the range */
+static inline double kernel_in_range(const Tables *t, const double *inputs) {
+    double s = inputs[t->scheduling];
+    int inside = s >= t->range_low && s <= t->range_high;
+    int j;
+    for (j = 0; j < t->inputs; ++j) {
+        inside = inside && inputs[j] >= t->input_minimum[j] && inputs[j] <= t->input_maximum[j];
+    }
+    return inside ? 1.0 : 0.0;
+}
+
+/* t_n -> t_n+1 with the inputs in force at t_n. */
+static inline void kernel_tick(const Tables *t, double *state, const double *inputs) {
+    KernelView v = kernel_view(t, state);
+    double s = inputs[t->scheduling];
+    double change = s - v.scheduling_held[0];
+    KernelBlend blend;
+    if (t->offsets == OFFSETS_LOW_PASS) v.low_pass[0] += t->low_pass_gain * (s - v.low_pass[0]);
+    blend = kernel_schedule(t, &v, t->offsets == OFFSETS_LOW_PASS ? v.low_pass[0] : s);
+    v.scheduling_held[0] = s;
+    v.in_range[0] = kernel_in_range(t, inputs);
+    if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_rebase(t, &v, &blend, change);
+    kernel_advance(t, &v, &blend, inputs);
+    kernel_hold(t, &v, &blend);
+}
+
+/* x <- (I - A)^-1 x where x holds what one tick makes of x = 0; A of a local model or of the blend. */
+static inline int kernel_settle(const Tables *t, const KernelView *v, const KernelBlend *blend, double *x) {
+    int n = t->states;
+    int i;
+    kernel_blended(blend, t->A, n * n, v->matrix);
+    for (i = 0; i < n * n; ++i) v->matrix[i] = (i % (n + 1) == 0 ? 1.0 : 0.0) - v->matrix[i];
+    return linear_solve(v->matrix, n, x);
+}
+
+/* The steady state for the inputs; 1 = there is none. Fills the whole state array. */
+static inline int kernel_start(const Tables *t, double *state, const double *inputs) {
+    KernelView v = kernel_view(t, state);
+    double s = inputs[t->scheduling];
+    KernelBlend blend;
+    int failed = 0;
+    int i, k;
+    for (i = 0; i < kernel_state_size(t); ++i) state[i] = 0.0;
+    v.low_pass[0] = s;
+    v.scheduling_held[0] = s;
+    v.in_range[0] = kernel_in_range(t, inputs);
+    blend = kernel_schedule(t, &v, s);
+    kernel_advance(t, &v, &blend, inputs);
+    if (t->blending == BLENDING_OUTPUT) {
+        for (k = 0; k < t->local_models && !failed; ++k) {
+            const double one = 1.0;
+            KernelBlend alone;
+            alone.first = k;
+            alone.count = 1;
+            alone.weights = &one;
+            failed = kernel_settle(t, &v, &alone, v.x + k * t->states);
+        }
+    } else {
+        failed = kernel_settle(t, &v, &blend, v.x);
+        if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_blended(&blend, t->g, t->states, v.g_held);
+    }
+    kernel_hold(t, &v, &blend);
+    return failed;
+}
+
+/* The p outputs and then the R derived outputs, from the state and the inputs set last. Writes nothing to the state. */
+static inline void kernel_outputs(const Tables *t, const double *state, const double *inputs, double *restrict values) {
+    KernelView v = kernel_view(t, (double *)state);
+    int i, j, term = 0;
+    for (i = 0; i < t->outputs; ++i) values[i] = v.held[i];
+    for (j = 0; j < t->inputs && t->feedthrough; ++j) {
+        int filtered = t->offsets == OFFSETS_LOW_PASS && j == t->scheduling;
+        double deviation = inputs[j] - (filtered ? v.low_pass[0] : t->input_operating_point[j]);
+        kernel_multiply(v.feedthrough + j * t->outputs, t->outputs, 1, &deviation, values);
+    }
+    for (i = 0; i < t->derived; ++i) {
+        double sum = 0.0;
+        for (; term < t->term_ends[i]; ++term) {
+            int signal = t->term_signals[term];
+            double value = signal < t->outputs ? values[signal] : inputs[signal - t->outputs];
+            sum += t->term_coefficients[term] * value;
+        }
+        values[t->outputs + i] = sum;
+    }
+}
+
+/* The exact partial derivative of output i (derived ones counted behind) by input j. */
+static inline double kernel_feedthrough(const Tables *t, const double *state, int i, int j) {
+    KernelView v = kernel_view(t, (double *)state);
+    double sum = 0.0;
+    int term;
+    if (i < t->outputs) return v.feedthrough[j * t->outputs + i];
+    term = i == t->outputs ? 0 : t->term_ends[i - t->outputs - 1];
+    for (; term < t->term_ends[i - t->outputs]; ++term) {
+        int signal = t->term_signals[term];
+        double partial = signal < t->outputs ? v.feedthrough[j * t->outputs + signal] : 0.0;
+        if (signal == t->outputs + j) partial = 1.0;
+        sum += t->term_coefficients[term] * partial;
+    }
+    return sum;
+}

@@ -1,0 +1,181 @@
+"""A parameter set as the flat arrays the C kernel reads (`Tables` in c/kernel.h)."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmu_builder.kernel.specification import log_weight_coefficients, low_pass_gain, range_middle
+from fmu_builder.parameter_set import LocalLinearModel, ParameterSet
+
+Array = NDArray[np.float64]
+_OFFSETS = ("none", "affine", "low_pass", "scheduled_equilibrium")  # OFFSETS_... of kernel.h
+
+SIZES = (
+    *("states", "inputs", "outputs", "derived", "local_models", "models", "nodes", "map_points"),
+    *("blending", "offsets", "scheduling", "feedthrough"),
+)
+NUMBERS = ("range_low", "range_high", "range_middle", "low_pass_gain", "node_scale", "map_scale")
+ARRAYS = (
+    *("log_weights", "node_positions", "node_weights", "map_positions", "map_values"),
+    *("A", "B", "C", "D", "g", "x0", "u0", "y0"),
+    *("input_operating_point", "output_operating_point", "input_minimum", "input_maximum"),
+    "term_coefficients",
+)
+INDICES = ("term_signals", "term_ends")
+
+
+class NativeTables(ctypes.Structure):
+    """`Tables` of c/kernel.h, field by field."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in SIZES),
+        *((name, ctypes.c_double) for name in NUMBERS),
+        *((name, ctypes.POINTER(ctypes.c_double)) for name in ARRAYS),
+        *((name, ctypes.POINTER(ctypes.c_int)) for name in INDICES),
+    )
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The fields of `Tables` in c/kernel.h, which documents them.
+
+    Attributes:
+        sample_time: s.
+        sizes: Name to integer.
+        numbers: Name to float.
+        arrays: Name to float64 array, contiguous, matrices by columns: A[model][column][row]; empty when not
+            needed.
+        indices: Name to int32 array.
+    """
+
+    sample_time: float
+    sizes: dict[str, int]
+    numbers: dict[str, float]
+    arrays: dict[str, Array]
+    indices: dict[str, NDArray[np.int32]]
+
+    @property
+    def column_count(self) -> int:
+        """Outputs and derived outputs."""
+        return self.sizes["outputs"] + self.sizes["derived"]
+
+    @property
+    def state_size(self) -> int:
+        """Doubles in the state array: `kernel_state_size` of c/kernel.c."""
+        size = self.sizes
+        n, m, p, M = size["states"], size["inputs"], size["outputs"], size["local_models"]
+        carried = (n if size["blending"] else M * n) + M + p + m * p + n + 3
+        return carried + 2 + 2 * m + 3 * n + max(n, p) + n * n
+
+    def native(self) -> NativeTables:
+        """Return the C structure; it points into the arrays, so keep `self` alive while it is used."""
+        native = NativeTables(**self.sizes, **self.numbers)
+        for name, array in self.arrays.items():
+            pointer = array.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) if array.size else None
+            setattr(native, name, pointer)
+        for name, indices in self.indices.items():
+            integers = indices.ctypes.data_as(ctypes.POINTER(ctypes.c_int)) if indices.size else None
+            setattr(native, name, integers)
+        return native
+
+
+def tables_of(parameter_set: ParameterSet) -> Tables:
+    """Return the tables of a parameter set: what costs time in a tick is worked out here."""
+    partition, offsets, node_table = parameter_set.partition, parameter_set.offsets, parameter_set.node_table
+    output_blending = parameter_set.blending == "output"
+    models = parameter_set.local_models if node_table is None or output_blending else node_table.models
+    nodes = () if node_table is None else node_table.positions
+    points = () if offsets.static_map is None else offsets.static_map.positions
+    arrays = {name: np.zeros(0) for name in ARRAYS} | _model_arrays(models) | _signal_arrays(parameter_set)
+    if node_table is None:
+        arrays["log_weights"] = _flat(log_weight_coefficients(partition))
+    else:
+        arrays |= {"node_positions": _flat(nodes), "node_weights": _flat(node_table.weights)}
+    if offsets.static_map is not None:
+        arrays |= {"map_positions": _flat(points), "map_values": _flat(offsets.static_map.values)}
+    coefficients, indices = _terms(parameter_set)
+    frequency = offsets.corner_frequency
+    return Tables(
+        sample_time=parameter_set.sample_time,
+        sizes={
+            "states": parameter_set.state_count,
+            "inputs": len(parameter_set.inputs),
+            "outputs": len(parameter_set.outputs),
+            "derived": len(parameter_set.derived_outputs),
+            "local_models": len(parameter_set.local_models),
+            "models": len(models),
+            "nodes": len(nodes),
+            "map_points": len(points),
+            "blending": 0 if output_blending else 1,
+            "offsets": _OFFSETS.index(offsets.kind),
+            "scheduling": parameter_set.scheduling_index,
+            "feedthrough": int(arrays["D"].any()),
+        },
+        numbers={
+            "range_low": partition.range[0],
+            "range_high": partition.range[1],
+            "range_middle": range_middle(partition),
+            "low_pass_gain": 0.0
+            if frequency is None
+            else low_pass_gain(frequency, parameter_set.sample_time),
+            "node_scale": _scale(nodes),
+            "map_scale": _scale(points),
+        },
+        arrays=arrays | {"term_coefficients": coefficients},
+        indices=indices,
+    )
+
+
+def _flat(rows: Sequence[float] | Sequence[Sequence[float]]) -> Array:
+    return np.ascontiguousarray(np.array(rows, dtype=np.float64).ravel())
+
+
+def _scale(positions: Sequence[float]) -> float:
+    return (len(positions) - 1) / (positions[-1] - positions[0]) if positions else 0.0
+
+
+def _model_arrays(models: Sequence[LocalLinearModel]) -> dict[str, Array]:
+    def by_columns(of: Callable[[LocalLinearModel], Sequence[Sequence[float]]]) -> Array:
+        return np.ascontiguousarray(np.array([of(model) for model in models]).transpose(0, 2, 1).ravel())
+
+    arrays = {
+        "A": by_columns(lambda model: model.A),
+        "B": by_columns(lambda model: model.B),
+        "C": by_columns(lambda model: model.C),
+        "D": by_columns(lambda model: model.D),
+    }
+    for name in ("g", "x0", "u0", "y0"):
+        vectors = [getattr(model, name) for model in models]
+        if None not in vectors:
+            arrays[name] = _flat(vectors)
+    return arrays
+
+
+def _signal_arrays(parameter_set: ParameterSet) -> dict[str, Array]:
+    inputs, outputs = parameter_set.inputs, parameter_set.outputs
+    return {
+        "input_operating_point": _flat([signal.operating_point for signal in inputs]),
+        "output_operating_point": _flat([signal.operating_point for signal in outputs]),
+        "input_minimum": _flat([signal.minimum for signal in inputs]),
+        "input_maximum": _flat([signal.maximum for signal in inputs]),
+    }
+
+
+def _terms(parameter_set: ParameterSet) -> tuple[Array, dict[str, NDArray[np.int32]]]:
+    signals = [*(signal.name for signal in parameter_set.outputs), *parameter_set.input_names]
+    coefficients: list[float] = []
+    positions: list[int] = []
+    ends: list[int] = []
+    for derived in parameter_set.derived_outputs:
+        for term in derived.terms:
+            coefficients.append(term.sign * derived.parameters[term.parameter].value)
+            positions.append(signals.index(term.signal))
+        ends.append(len(positions))
+    signal_array, end_array = np.array(positions, dtype=np.int32), np.array(ends, dtype=np.int32)
+    indices = {"term_signals": signal_array, "term_ends": end_array}
+    return _flat(coefficients), indices

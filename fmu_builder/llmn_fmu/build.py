@@ -1,0 +1,52 @@
+"""From a parameter set to an FMU file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu
+from fmu_builder.kernel import SOURCES, tables_header, tables_of
+from fmu_builder.llmn_fmu.card import model_card
+from fmu_builder.llmn_fmu.variables import interface
+from fmu_builder.parameter_set import ParameterSet
+
+_C_FOLDER = Path(__file__).parent / "c"
+
+
+def build_llmn(
+    parameter_set: ParameterSet,
+    output: Path,
+    platforms: Sequence[str] = DEFAULT_PLATFORMS,
+    model_identifier: str | None = None,
+) -> Path:
+    """Build the FMI 2.0 co-simulation FMU of a network: numbers as tables, the kernel as it is.
+
+    The parameter set goes into resources/parameter_set.json, a model card into documentation/index.html. The
+    same arguments give the same bytes.
+
+    Args:
+        parameter_set: The network.
+        output: The .fmu file.
+        platforms: FMI 2.0 platform folders.
+        model_identifier: C identifier of the FMU; by default the name of the parameter set.
+
+    Returns:
+        `output`.
+
+    Raises:
+        BuildError: Unknown platform or unit, or C code that does not compile.
+        OutputError: `output` cannot be written.
+    """
+    shown = interface(parameter_set, model_identifier)
+    return build_fmu(
+        shown,
+        parameter_set.model_hash(),
+        _C_FOLDER / "all.c",
+        (_C_FOLDER, SOURCES),
+        {"tables.h": tables_header(tables_of(parameter_set))},
+        output,
+        platforms=platforms,
+        resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8")},
+        documentation={"index.html": model_card(parameter_set, shown).encode("utf-8")},
+    )

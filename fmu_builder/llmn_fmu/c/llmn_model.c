@@ -1,0 +1,81 @@
+/* The kernel as a model of the slave (model.h). Variables stand in this order: inputs, outputs, derived outputs,
+   validity_1..M, in_range. The sizes are constants here, so that the compiler unrolls what the tables need. */
+
+enum {
+    LLMN_FIRST_OUTPUT = TABLES_INPUTS,
+    LLMN_FIRST_VALIDITY = LLMN_FIRST_OUTPUT + TABLES_OUTPUTS + TABLES_DERIVED,
+    LLMN_IN_RANGE = LLMN_FIRST_VALIDITY + TABLES_LOCAL_MODELS
+};
+
+typedef struct {
+    double state[TABLES_STATE_SIZE];
+} Model;
+
+/** a network has no parameters */
+static int model_set_parameters(Model *model, const double *values, Message *message)
+{
+    (void)model;
+    (void)values;
+    (void)message;
+    return 0;
+}
+
+static double model_sample_time(const Model *model)
+{
+    (void)model;
+    return TABLES_SAMPLE_TIME;
+}
+
+/** whether the outputs are numbers; they are not when the inputs are of astronomic size */
+static int model_check(const Model *model, Message *message)
+{
+    const KernelView view = kernel_view(&tables, (double *)model->state);
+    for (int i = 0; i < TABLES_OUTPUTS; ++i) {
+        if (!(view.held[i] - view.held[i] == 0.0)) {
+            message_append(message, "the outputs leave the range of numbers; are the inputs right?");
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/** steady state of the inputs */
+static int model_initialise(Model *model, const double *inputs, Message *message)
+{
+    if (kernel_start(&tables, model->state, inputs) != 0) {
+        message_append(message, "the model has no steady state for the start inputs: an eigenvalue of A is 1");
+        return 1;
+    }
+    return model_check(model, message);
+}
+
+static int model_tick(Model *model, const double *inputs, Message *message)
+{
+    kernel_tick(&tables, model->state, inputs);
+    return model_check(model, message);
+}
+
+static void model_outputs(const Model *model, double *values)
+{
+    const KernelView view = kernel_view(&tables, (double *)model->state);
+    kernel_outputs(&tables, model->state, values, values + LLMN_FIRST_OUTPUT);
+    for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
+        values[LLMN_FIRST_VALIDITY + i] = view.weights[i];
+    }
+    values[LLMN_IN_RANGE] = view.in_range[0];
+}
+
+/** exact: only feedthrough and the inputs in derived outputs act at once */
+static int model_directional_derivative(const Model *model, const double *values, unsigned unknown, unsigned known,
+                                        double *result)
+{
+    (void)values;
+    if (known >= INPUT_COUNT || unknown < LLMN_FIRST_OUTPUT || unknown >= LLMN_IN_RANGE) {
+        return 1;
+    }
+    *result = 0.0;
+    if (unknown < LLMN_FIRST_VALIDITY) {
+        *result = kernel_feedthrough(&tables, model->state, (int)unknown - LLMN_FIRST_OUTPUT, (int)known);
+    }
+    return 0;
+}

@@ -1,0 +1,141 @@
+"""The model card inside an FMU: one static page that says what the model is and where it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from html import escape
+
+from fmu_builder.fmi2 import Interface
+from fmu_builder.parameter_set import ParameterSet
+
+_OFFSETS = {
+    "none": "Outputs are counted from the operating point; away from it they carry an offset.",
+    "affine": "Affine terms x0, u0, y0 in every local model (thesis eq. 3.33-3.34) carry the offsets.",
+    "low_pass": "The scheduling input is split by a low-pass of {corner} Hz: the slow part schedules and"
+    " reads the static outputs from a look-up table, the rest drives the local models.",
+    "scheduled_equilibrium": "States are deviations from the steady state of the present scheduling input;"
+    " static outputs come from a look-up table over it.",
+}
+_BLENDING = {
+    "output": "Every local model runs; their outputs are blended (thesis eq. 3.98).",
+    "parameter": "The matrices of the local models are blended; one state (thesis eq. 3.100-3.101).",
+    "theta": "The physical parameters of the local models are blended and discretised; one state.",
+}
+_STYLE = (
+    "body{font-family:sans-serif;max-width:52em;margin:2em auto;padding:0 1em;line-height:1.45}"
+    "table{border-collapse:collapse;margin:.6em 0}"
+    "td,th{border:1px solid #bbb;padding:.2em .6em;text-align:left}"
+)
+_SCORE_COLUMNS = ("signal", "split", "data_set", "fit", "max_error")
+
+
+def model_card(parameter_set: ParameterSet, shown: Interface) -> str:
+    """Return documentation/index.html.
+
+    What the model is, the range it was trained in, how the inputs act, its variables, and the scores and
+    provenance that the parameter set holds.
+    """
+    sections = [
+        f"<h1>{escape(shown.model_name)}</h1>",
+        _paragraph(shown.description + "."),
+        _paragraph(parameter_set.documentation),
+        *_range(parameter_set),
+        *_behaviour(parameter_set),
+        *_variables(shown),
+        *_scores(parameter_set),
+        *_provenance(parameter_set),
+    ]
+    head = f'<meta charset="utf-8"><title>{escape(shown.model_name)}</title><style>{_STYLE}</style>'
+    body = "\n".join(section for section in sections if section)
+    return f'<!DOCTYPE html>\n<html lang="en">\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n'
+
+
+def _range(parameter_set: ParameterSet) -> Iterator[str]:
+    yield "<h2>Where it holds</h2>"
+    rows = [
+        (
+            signal.name,
+            signal.unit,
+            _number(signal.minimum),
+            _number(signal.operating_point),
+            _number(signal.maximum),
+        )
+        for signal in (*parameter_set.inputs, *parameter_set.outputs)
+    ]
+    yield _table(("signal", "unit", "smallest in training", "operating point", "largest in training"), rows)
+    low, high = parameter_set.partition.range
+    scheduling = parameter_set.partition.scheduling
+    yield _paragraph(
+        f"Range of {scheduling}: {_number(low)} to {_number(high)}. Beyond it the weights of the local models"
+        " stay as at the end of the range and a static map is continued in a straight line; in_range tells"
+        " when an input has left the trained range. Nothing is known about the accuracy there."
+    )
+
+
+def _behaviour(parameter_set: ParameterSet) -> Iterator[str]:
+    yield "<h2>How it works</h2>"
+    partition, offsets = parameter_set.partition, parameter_set.offsets
+    centres = ", ".join(_number(centre) for centre in partition.centres)
+    yield _paragraph(
+        f"{len(parameter_set.local_models)} local linear models with {parameter_set.state_count} states,"
+        f" centred at {partition.scheduling} = {centres};"
+        f" validity functions: {partition.validity.replace('_', ', ')}."
+        f" {_BLENDING[parameter_set.blending]}"
+        f" {_OFFSETS[offsets.kind].format(corner=offsets.corner_frequency)}"
+    )
+    yield _paragraph(
+        f"The model runs on its own grid of {parameter_set.sample_time!r} s; any communication step is"
+        " accepted. A tick uses the inputs in force when it begins. Between ticks outputs hold, except where"
+        " an input acts at once (see the table). The start is the steady state of the start inputs."
+    )
+    for derived in parameter_set.derived_outputs:
+        terms = " ".join(
+            f"{'+' if term.sign > 0 else '-'} {term.parameter} {term.signal}" for term in derived.terms
+        )
+        named = derived.parameters.items()
+        values = ", ".join(f"{name} = {_number(item.value)} {item.unit}" for name, item in named)
+        yield _paragraph(f"{derived.name} = {terms.removeprefix('+ ')}, {values}.")
+
+
+def _variables(shown: Interface) -> Iterator[str]:
+    yield "<h2>Variables</h2>"
+    rows = [
+        (
+            variable.name,
+            variable.causality,
+            variable.unit,
+            ", ".join(variable.dependencies or ()),
+            variable.description,
+        )
+        for variable in shown.variables
+    ]
+    yield _table(("name", "causality", "unit", "inputs that act at once", "description"), rows)
+
+
+def _scores(parameter_set: ParameterSet) -> Iterator[str]:
+    if parameter_set.scores:
+        yield "<h2>Scores</h2>"
+        rows = [[_number(record.get(name)) for name in _SCORE_COLUMNS] for record in parameter_set.scores]
+        yield _table(_SCORE_COLUMNS, rows)
+
+
+def _provenance(parameter_set: ParameterSet) -> Iterator[str]:
+    yield "<h2>Where it comes from</h2>"
+    rows = [("model hash", parameter_set.model_hash())]
+    rows += [(name, _number(parameter_set.provenance[name])) for name in sorted(parameter_set.provenance)]
+    yield _table(("what", "value"), rows)
+
+
+def _number(value: object) -> str:
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _paragraph(text: str) -> str:
+    return f"<p>{escape(text)}</p>" if text.strip() else ""
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    return "\n".join(["<table>", row(head, "th"), *(row(cells, "td") for cells in rows), "</table>"])

@@ -1,0 +1,103 @@
+"""What the FMU of a network shows to the outside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fmu_builder.fmi2 import Interface, Variable
+from fmu_builder.parameter_set import ParameterSet
+
+_KINDS = {
+    "n4sid": "subspace-identified models",
+    "surrogate": "surrogate models with physical parameters",
+    "linear": "a linearisation",
+}
+
+
+def interface(parameter_set: ParameterSet, model_identifier: str | None = None) -> Interface:
+    """Return the interface: inputs, outputs, derived outputs, validity_1..M, in_range, in this order.
+
+    Inputs start at the operating point, their limits are those seen in training. Outputs carry no limits:
+    what was seen in training does not bound them.
+
+    Args:
+        parameter_set: The network.
+        model_identifier: C identifier of the FMU; by default the name of the parameter set.
+
+    Raises:
+        BuildError: A name or unit cannot be expressed; every problem is named.
+    """
+    count = len(parameter_set.local_models)
+    name = parameter_set.name.replace("_", " ")
+    description = (
+        f"Local linear model network of {count} local {'model' if count == 1 else 'models'}"
+        f" ({_KINDS[parameter_set.kind]}), {parameter_set.blending} blending,"
+        f" sample time {parameter_set.sample_time!r} s"
+    )
+    return Interface(
+        model_identifier=model_identifier or parameter_set.name,
+        model_name=name,
+        description=description,
+        variables=tuple(_variables(parameter_set)),
+        default_step=parameter_set.sample_time,
+    )
+
+
+def _variables(parameter_set: ParameterSet) -> Iterator[Variable]:
+    for signal in parameter_set.inputs:
+        yield Variable(
+            signal.name,
+            causality="input",
+            unit=signal.unit,
+            description=signal.description,
+            start=signal.operating_point,
+            minimum=signal.minimum,
+            maximum=signal.maximum,
+            nominal=_size(signal.minimum, signal.maximum),
+        )
+    direct = {
+        output.name: _direct_inputs(parameter_set, row) for row, output in enumerate(parameter_set.outputs)
+    }
+    for output in parameter_set.outputs:
+        yield Variable(
+            output.name,
+            causality="output",
+            unit=output.unit,
+            description=output.description,
+            nominal=_size(output.minimum, output.maximum),
+            dependencies=direct[output.name],
+        )
+    for derived in parameter_set.derived_outputs:
+        acting: set[str] = set()
+        for term in derived.terms:
+            acting.update(direct.get(term.signal, (term.signal,)))
+        yield Variable(
+            derived.name,
+            causality="output",
+            unit=derived.unit,
+            description=derived.description,
+            dependencies=tuple(name for name in parameter_set.input_names if name in acting),
+        )
+    for number, centre in enumerate(parameter_set.partition.centres, start=1):
+        where = f"{parameter_set.partition.scheduling} = {centre:g}"
+        what = f"Weight of local model {number} ({where}) at the last tick"
+        yield Variable(f"validity_{number}", causality="output", unit="1", description=what)
+    yield Variable(
+        "in_range",
+        type="Boolean",
+        causality="output",
+        description="Whether the inputs of the last tick lie in the trained range",
+    )
+
+
+def _direct_inputs(parameter_set: ParameterSet, row: int) -> tuple[str, ...]:
+    """Return the inputs that act on an output at once: those with a D that is not zero in some model."""
+    table = parameter_set.node_table
+    models = (*parameter_set.local_models, *(table.models if table is not None else ()))
+    names = enumerate(parameter_set.input_names)
+    return tuple(name for column, name in names if any(model.D[row][column] != 0.0 for model in models))
+
+
+def _size(low: float, high: float) -> float | None:
+    largest = max(abs(low), abs(high))
+    return largest if largest > 0.0 else None

@@ -1,0 +1,46 @@
+"""The narrow waist: the versioned, self-validating file format of a local linear model network (LLMN).
+
+Everything that identification finds out goes into a `ParameterSet`; everything that an FMU computes with
+comes out of it.
+"""
+
+from fmu_builder.parameter_set.canonical import canonical_json
+from fmu_builder.parameter_set.checks import FORMAT
+from fmu_builder.parameter_set.components import (
+    DerivedOutput,
+    DerivedTerm,
+    InputSignal,
+    LocalLinearModel,
+    NamedParameter,
+    NodeTable,
+    Offsets,
+    OutputSignal,
+    Partition,
+    Quantity,
+    StaticMap,
+    SurrogateParameters,
+    nested,
+)
+from fmu_builder.parameter_set.model import ParameterSet, load, model_hash, save
+
+__all__ = [
+    "FORMAT",
+    "DerivedOutput",
+    "DerivedTerm",
+    "InputSignal",
+    "LocalLinearModel",
+    "NamedParameter",
+    "NodeTable",
+    "Offsets",
+    "OutputSignal",
+    "ParameterSet",
+    "Partition",
+    "Quantity",
+    "StaticMap",
+    "SurrogateParameters",
+    "canonical_json",
+    "load",
+    "model_hash",
+    "nested",
+    "save",
+]

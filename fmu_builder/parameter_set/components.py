@@ -1,0 +1,211 @@
+"""The parts of a parameter set.
+
+Numbers are stored as (nested) tuples of floats, so that a parameter set is immutable and prints without loss;
+`nested` turns an array into such tuples. The parts check types only: what must agree between them is checked
+by `ParameterSet`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+Number = Annotated[float, Field(strict=True), BeforeValidator(_plain)]
+Text = Annotated[str, Field(strict=True)]
+Vector = Annotated[tuple[Number, ...], BeforeValidator(_plain)]
+Matrix = Annotated[tuple[Vector, ...], BeforeValidator(_plain)]
+
+
+def nested(array: NDArray[np.float64]) -> Any:
+    """Return an array as nested tuples of Python floats, the form in which a parameter set holds numbers."""
+    as_list = np.asarray(array, dtype=np.float64).tolist()
+
+    def tuples(item: Any) -> Any:
+        return tuple(tuples(part) for part in item) if isinstance(item, list) else item
+
+    return tuples(as_list)
+
+
+class Part(BaseModel):
+    """Base of everything in a parameter set: immutable, and unknown fields are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class _Signal(Part):
+    name: Text
+    unit: Text
+    description: Text = ""
+    operating_point: Number
+    minimum: Number
+    maximum: Number
+
+
+class InputSignal(_Signal):
+    """An input of the network.
+
+    Attributes:
+        name: FMU variable name, a C identifier.
+        unit: SI unit as in a modelDescription.xml, "" or "1" for none.
+        description: One line for a reader.
+        operating_point: The value deviations are counted from (u_op), and the start value of the FMU.
+        minimum: Smallest value seen in training.
+        maximum: Largest value seen in training.
+    """
+
+
+class OutputSignal(_Signal):
+    """An output of the network; fields as in `InputSignal`, `operating_point` is y_op."""
+
+
+class Partition(Part):
+    """How the operating range is divided among the local models (thesis section 3.3).
+
+    Attributes:
+        scheduling: Name of the input that schedules.
+        range: Ends of the operating range; beyond them the scheduling variable is clipped for the weights.
+        validity: "gaussian" (normalised Gaussians, thesis eq. 3.10-3.11), "hat" (linear interpolation between
+            the centres, continued to the ends of the range) or "hat_clamped" (constant beyond the outer
+            centres).
+        centres: One per local model, ascending, in units of the scheduling input.
+        spreads: One per local model; Gaussians only.
+        k_sigma: The standard deviation is k_sigma times the spread; Gaussians only.
+    """
+
+    scheduling: Text
+    range: tuple[Number, Number]
+    validity: Literal["gaussian", "hat_clamped", "hat"]
+    centres: Vector
+    spreads: Vector | None = None
+    k_sigma: Number | None = None
+
+
+class LocalLinearModel(Part):
+    """A discrete-time local linear model with n states, m inputs and p outputs.
+
+    Attributes:
+        A: State matrix [n][n].
+        B: Input matrix [n][m].
+        C: Output matrix [p][n].
+        D: Feedthrough [p][m].
+        g: (I - A)^-1 B_scheduling [n], the move of the steady state with the scheduling input; needed by the
+            offsets "scheduled_equilibrium" and only by them.
+        x0: Affine state vector [n] (thesis eq. 3.30); offsets "affine" only.
+        u0: Affine input vector [m] (thesis eq. 3.31); offsets "affine" only.
+        y0: Affine output vector [p] (thesis eq. 3.32); offsets "affine" only.
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    g: Vector | None = None
+    x0: Vector | None = None
+    u0: Vector | None = None
+    y0: Vector | None = None
+
+
+class NodeTable(Part):
+    """What the kernel interpolates linearly for every validity but the Gaussian.
+
+    Attributes:
+        positions: [K] ascending; the first and the last are the ends of the range.
+        weights: [K][M] validity of every local model at every node; each row sums to 1.
+        models: [K] the blended model at every node (blending "parameter" and "theta"); empty for "output".
+    """
+
+    positions: Vector
+    weights: Matrix
+    models: tuple[LocalLinearModel, ...] = ()
+
+
+class StaticMap(Part):
+    """Steady-state outputs over the scheduling input; linear in between, continued by the end segments.
+
+    Attributes:
+        positions: [L] ascending values of the scheduling input.
+        values: [L][p] outputs.
+    """
+
+    positions: Vector
+    values: Matrix
+
+
+class Offsets(Part):
+    """How the network knows where its outputs rest.
+
+    Attributes:
+        kind: "none" (deviations from the operating point), "affine" (thesis eq. 3.33-3.34), "low_pass"
+            (scheduling input less its low-pass, look-up table behind; thesis section 3.5.4), or
+            "scheduled_equilibrium" (deviations from the steady state of the present scheduling input).
+        corner_frequency: Hz; low_pass only.
+        static_map: low_pass and scheduled_equilibrium only.
+    """
+
+    kind: Literal["none", "affine", "low_pass", "scheduled_equilibrium"]
+    corner_frequency: Number | None = None
+    static_map: StaticMap | None = None
+
+
+class NamedParameter(Part):
+    """A number a derived output multiplies with."""
+
+    value: Number
+    unit: Text
+    description: Text = ""
+
+
+class DerivedTerm(Part):
+    """`sign * parameter * signal`, the signal being an output or an input."""
+
+    signal: Text
+    parameter: Text
+    sign: Literal[1, -1] = 1
+
+
+class DerivedOutput(Part):
+    """An output computed from other signals, e.g. F_p = k_E xi - k_E eta (thesis remark 2.2.1).
+
+    An input in it acts at once, not with the next tick.
+    """
+
+    name: Text
+    unit: Text
+    description: Text = ""
+    terms: tuple[DerivedTerm, ...]
+    parameters: dict[str, NamedParameter]
+
+
+class Quantity(Part):
+    """A value with its unit."""
+
+    value: Number
+    unit: Text
+
+
+class SurrogateParameters(Part):
+    """The physical parameters behind the local models of a surrogate; the FMU does not compute with them.
+
+    Attributes:
+        structure: "chain7" (thesis eq. 3.22-3.35) or "chain10" (collector head free, eq. 3.37).
+        head: Collector head and contact parameters that were given: m_C, k_C, c_C, k_E.
+        physical: Per local model, name to value: from the frequency response.
+        tuned: Per local model, name to value: after output error, what the matrices are made of.
+        units: Name to unit.
+        at_bound: Per local model, the names that ended at a bound.
+    """
+
+    structure: Literal["chain7", "chain10"]
+    head: dict[str, Quantity]
+    physical: tuple[dict[str, Number], ...]
+    tuned: tuple[dict[str, Number], ...]
+    units: dict[str, str]
+    at_bound: tuple[tuple[str, ...], ...] = ()

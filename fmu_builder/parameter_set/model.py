@@ -1,0 +1,182 @@
+"""The parameter set, format 1: reading, writing, identity."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import ConfigDict, Field, JsonValue
+
+from fmu_builder.errors import ParameterSetError
+from fmu_builder.files import write_text
+from fmu_builder.parameter_set.canonical import canonical_json
+from fmu_builder.parameter_set.checks import FORMAT, problems_of
+from fmu_builder.parameter_set.components import (
+    DerivedOutput,
+    InputSignal,
+    LocalLinearModel,
+    NodeTable,
+    Number,
+    Offsets,
+    OutputSignal,
+    Part,
+    Partition,
+    SurrogateParameters,
+    Text,
+)
+
+
+class ParameterSet(Part):
+    """A local linear model network as numbers, names and units; valid by construction.
+
+    With m inputs, p outputs, M local models of n states each, R derived outputs. `ParameterSet(...)` and
+    `load` raise one `ParameterSetError` that names every problem. `model_copy` checks nothing: use
+    `replaced`.
+
+    Attributes:
+        format: Version of the format; 1.
+        name: C identifier, the default FMU model identifier.
+        kind: Where the local models come from.
+        sample_time: s, the tick.
+        inputs: [m].
+        outputs: [p].
+        partition: Scheduling and validity.
+        blending: "output" (thesis eq. 3.98), "parameter" (eq. 3.100-3.101) or "theta" (physical parameters
+            blended, then discretised per node of the node table).
+        local_models: [M].
+        node_table: None for Gaussians.
+        offsets: Offset handling.
+        derived_outputs: [R].
+        surrogate: Physical parameters of a surrogate, else None.
+        declared_unstable: True lets unstable local models pass.
+        provenance: Hashes of data, settings and reference, seeds, versions; no clock, no path, no user name.
+        scores: Score records as in scores.json.
+        documentation: Free text for the model card.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal[1] = 1
+    name: Text
+    kind: Literal["n4sid", "surrogate", "linear"]
+    sample_time: Number
+    inputs: tuple[InputSignal, ...]
+    outputs: tuple[OutputSignal, ...]
+    partition: Partition
+    blending: Literal["output", "parameter", "theta"]
+    local_models: tuple[LocalLinearModel, ...]
+    node_table: NodeTable | None = None
+    offsets: Offsets
+    derived_outputs: tuple[DerivedOutput, ...] = ()
+    surrogate: SurrogateParameters | None = None
+    declared_unstable: bool = False
+    provenance: dict[str, JsonValue] = Field(default_factory=dict)
+    scores: tuple[dict[str, JsonValue], ...] = ()
+    documentation: Text = ""
+
+    if not TYPE_CHECKING:  # the type checker sees the fields
+
+        def __init__(self, /, **content: Any) -> None:
+            problems = problems_of(content, type(self).model_fields)
+            if problems:
+                raise ParameterSetError(problems)
+            super().__init__(**content)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(signal.name for signal in self.inputs)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs and then of the derived outputs: the columns of a simulation."""
+        return (*(signal.name for signal in self.outputs), *(signal.name for signal in self.derived_outputs))
+
+    @property
+    def scheduling_index(self) -> int:
+        """Position of the scheduling input among the inputs."""
+        return self.input_names.index(self.partition.scheduling)
+
+    @property
+    def state_count(self) -> int:
+        """States n of one local model."""
+        return len(self.local_models[0].A)
+
+    def replaced(self, **changes: Any) -> ParameterSet:
+        """Return a copy with some fields replaced, checked like a new one.
+
+        Raises:
+            ParameterSetError: The result is not valid; every problem is named.
+        """
+        content = {name: getattr(self, name) for name in type(self).model_fields}
+        return ParameterSet(**{**content, **changes})
+
+    def canonical_json(self) -> str:
+        """Return the text of the file: canonical JSON, exact to the last bit."""
+        return canonical_json(self.model_dump(mode="python"))
+
+    def model_hash(self) -> str:
+        """Return the SHA-256 (hex) over what the FMU computes with; see `model_hash`."""
+        return model_hash(self)
+
+    def save(self, path: Path) -> Path:
+        """Write the file at once or not at all; see `save`."""
+        return save(self, path)
+
+
+_SIGNAL_IDENTITY = {"name", "unit", "operating_point"}
+_IDENTITY: dict[str, Any] = {
+    "format": True,
+    "name": True,
+    "sample_time": True,
+    "inputs": {"__all__": _SIGNAL_IDENTITY | {"minimum", "maximum"}},  # in_range is computed from the limits
+    "outputs": {"__all__": _SIGNAL_IDENTITY},
+    "partition": True,
+    "blending": True,
+    "local_models": True,
+    "node_table": True,
+    "offsets": True,
+    "derived_outputs": {
+        "__all__": {"name": True, "unit": True, "terms": True, "parameters": {"__all__": {"value", "unit"}}}
+    },
+}
+
+
+def model_hash(parameter_set: ParameterSet) -> str:
+    """Return the SHA-256 (hex) of what the FMU computes with: numbers, names, units, node table.
+
+    Descriptions, limits of the outputs, kind, surrogate parameters, provenance, scores and documentation
+    stand outside it.
+    """
+    content = parameter_set.model_dump(mode="python", include=_IDENTITY)
+    return hashlib.sha256(canonical_json(content).encode("utf-8")).hexdigest()
+
+
+def save(parameter_set: ParameterSet, path: Path) -> Path:
+    """Write `parameter_set` to `path` as canonical JSON, at once or not at all.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    return write_text(path, parameter_set.canonical_json())
+
+
+def load(path: Path) -> ParameterSet:
+    """Read a parameter set.
+
+    Raises:
+        ParameterSetError: The file cannot be read, is not JSON, or is not a valid parameter set; every
+            problem is named.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as reason:
+        mend = "Give the path of a parameter set written by this program"
+        raise ParameterSetError.of(str(path), f"cannot be read as JSON ({reason})", mend) from reason
+    if not isinstance(content, dict):
+        raise ParameterSetError.of(
+            str(path), "is not a JSON object", "Give a parameter set of format " + str(FORMAT)
+        )
+    return ParameterSet(**content)

@@ -1,0 +1,1 @@
+"""Runs FMUs: reference data, validation, reports and the command line."""

@@ -1,0 +1,161 @@
+"""The models that are compared: every one a parameter set with the labels its scores carry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from cosimulation.data_folder import DataFolder
+from cosimulation.fmu_file import OpenFmu
+from cosimulation.linearise import linearise
+from cosimulation.pantograph import DESCRIPTIONS, INPUTS, OUTPUTS, TORQUE, force_outputs
+from cosimulation.settings import GenerateSettings
+from fmu_builder.parameter_set import DerivedOutput, ParameterSet
+from fmus.wbm import parameter_sets
+from identification import surrogate
+from identification.linear import discretised, linear_parameter_set
+from identification.n4sid import LocalModels, N4sidSettings, identify, network
+from identification.network import RECOMMENDED, THESIS, NetworkSettings, signals_of
+
+LINEARISATION_HEIGHT = 1.25
+"""Operating point OP45 of the global linear model (thesis 4.8) [m]."""
+
+
+DEFAULT_SET = "A"
+"""The white-box FMU's default preset; FMUs identified from it carry no suffix."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One model to compare.
+
+    Attributes:
+        title: For a person.
+        parameter_set: The model.
+        labels: Fields of its score records.
+        offset_subtracted: Whether the mean error is subtracted after the simulation, as the thesis does with
+            the linearised model (Remark 4.8.1).
+        surrogate: Physical parameters and how they were found, of a surrogate.
+    """
+
+    title: str
+    parameter_set: ParameterSet
+    labels: dict[str, Any]
+    offset_subtracted: bool = False
+    surrogate: surrogate.SurrogateResult | None = None
+
+    @property
+    def name(self) -> str:
+        """The model identifier of its FMU."""
+        return self.parameter_set.name
+
+
+def head_forces(wbm: str) -> tuple[DerivedOutput, ...]:
+    """Return F_H and F_p with the collector head of a white-box set; the head is known, not identified."""
+    chosen = parameter_sets()[wbm]
+    return force_outputs(chosen["k_E"], chosen["k_C"], chosen["c_C"])
+
+
+def identifier(model: str, wbm: str) -> str:
+    """Return the FMU's model identifier; the default white-box set has no suffix."""
+    return f"pantograph_{model}" + ("" if wbm == DEFAULT_SET else f"_{wbm.lower()}")
+
+
+def identify_candidates(
+    wbm: str, data: DataFolder, fmu: OpenFmu, settings: GenerateSettings
+) -> tuple[Candidate, ...]:
+    """Identify everything the demo compares on one white-box set.
+
+    Args:
+        wbm: Name of the white-box set.
+        data: Its reference data.
+        fmu: The white-box FMU, for the linearised baseline.
+        settings: Those of the data.
+
+    Raises:
+        LlmnError: A model cannot be identified.
+    """
+    training = [item.data for item in data.select("operating_point", "train")]
+    local = identify(training, N4sidSettings(), data.static_map, DESCRIPTIONS)
+    local = replace(local, provenance={**local.provenance, "origin": dict(data.origin)})
+    forces = head_forces(wbm)
+    return (
+        _linear(wbm, data, fmu, settings, forces),
+        _surrogate(wbm, data, local, forces),
+        _n4sid(wbm, "n4sid_thesis", "n4sid, thesis configuration", local, THESIS, forces),
+        _n4sid(
+            wbm,
+            "n4sid_output",
+            "n4sid, scheduled equilibrium, output blending",
+            local,
+            RECOMMENDED.model_copy(update={"blending": "output"}),
+            forces,
+        ),
+        _n4sid(wbm, "n4sid", "n4sid, scheduled equilibrium, parameter blending", local, RECOMMENDED, forces),
+    )
+
+
+def _labels(wbm: str, parameter_set: ParameterSet, **more: Any) -> dict[str, Any]:
+    llms = len(parameter_set.local_models)
+    return {
+        "wbm": wbm,
+        "model": parameter_set.kind,
+        "llms": llms,
+        "blending": parameter_set.blending if llms > 1 else None,
+        "offsets": parameter_set.offsets.kind,
+        "validity": parameter_set.partition.validity if llms > 1 else None,
+        "schedule": parameter_set.partition.scheduling if llms > 1 else None,
+        "order": parameter_set.state_count,
+        **more,
+    }
+
+
+def _n4sid(
+    wbm: str,
+    model: str,
+    title: str,
+    local: LocalModels,
+    settings: NetworkSettings,
+    forces: tuple[DerivedOutput, ...],
+) -> Candidate:
+    parameter_set = network(identifier(model, wbm), local, settings, forces)
+    alignment = "observability" if settings.blending == "parameter" else None
+    return Candidate(title, parameter_set, _labels(wbm, parameter_set, alignment=alignment))
+
+
+def _linear(
+    wbm: str, data: DataFolder, fmu: OpenFmu, settings: GenerateSettings, forces: tuple[DerivedOutput, ...]
+) -> Candidate:
+    """The white-box model linearised at OP45, as one global linear model (thesis 2.1.2, 4.8)."""
+    point = {"eta": LINEARISATION_HEIGHT, "M_pa": TORQUE}
+    found = linearise(fmu, point, OUTPUTS, settings.reference.start_values)
+    model = discretised(
+        (found.A, found.B, found.C, found.D),
+        settings.excitation.sample_time,
+        INPUTS,
+        OUTPUTS,
+        found.input_operating_point,
+        found.output_operating_point,
+    )
+    training = [item.data for item in data.select("whole_range", "train")]
+    signals = signals_of(training, INPUTS, OUTPUTS, point, found.output_operating_point, DESCRIPTIONS)
+    limits = (settings.static_map.low, settings.static_map.high)
+    provenance = {"linearised_at": point, "origin": dict(data.origin)}
+    parameter_set = linear_parameter_set(
+        identifier("linear", wbm), model, "eta", limits, signals, forces, provenance
+    )
+    labels = _labels(wbm, parameter_set, offsets="subtracted after the simulation")
+    return Candidate("white-box model linearised at OP45", parameter_set, labels, offset_subtracted=True)
+
+
+def _surrogate(
+    wbm: str, data: DataFolder, local: LocalModels, forces: tuple[DerivedOutput, ...]
+) -> Candidate:
+    chosen = parameter_sets()[wbm]
+    head = surrogate.Head(m_C=chosen["mC"], k_C=chosen["k_C"], c_C=chosen["c_C"], k_E=chosen["k_E"])
+    training = [item.data for item in data.select("whole_range", "train")]
+    result = surrogate.identify(local, training, head)
+    parameter_set = surrogate.network(identifier("surrogate", wbm), result, forces)
+    route = "frequency response" + (", output error" if result.recommended == "tuned" else "")
+    labels = _labels(wbm, parameter_set, structure=result.settings.structure, route=route)
+    return Candidate("surrogate, three masses, 7 parameters", parameter_set, labels, surrogate=result)

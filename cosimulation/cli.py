@@ -1,0 +1,185 @@
+"""The command `llmn`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosimulation.progress import SILENT, Reporter
+from fmu_builder.errors import LlmnError, SettingsError
+
+app = typer.Typer(
+    name="llmn",
+    help="From a slow reference model to a small real-time model that runs everywhere.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Settings = Annotated[Path, typer.Argument(help="Settings file (TOML).", show_default=False)]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON on stdout, and nothing on stderr.")
+]
+
+
+def _reporter(as_json: bool) -> Reporter:
+    return SILENT if as_json else Reporter()
+
+
+def _print(result: dict[str, object], as_json: bool, text: str) -> None:
+    typer.echo(json.dumps(result, indent=2) if as_json else text)
+
+
+def _start_values(pairs: list[str]) -> dict[str, float | int | bool | str]:
+    """Read NAME=VALUE: a number where it is one, otherwise text."""
+    found: dict[str, float | int | bool | str] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals:
+            raise SettingsError.of(f"--start {pair}", "has no '='", "Write NAME=VALUE")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(version("pantograph-llmn"))
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    _: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """From a slow reference model to a small real-time model that runs everywhere."""
+
+
+@app.command()
+def demo(
+    output: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/demo"),
+    quick: Annotated[
+        bool, typer.Option(help="Short data: shows every step in a fraction of the time; worse figures.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Run the pantograph from the white-box model to the report."""
+    from cosimulation.demo import run_demo
+
+    result = run_demo(output, quick=quick, reporter=_reporter(as_json))
+    _print(result.summary(), as_json, result.text())
+
+
+@app.command()
+def generate(
+    settings: Settings,
+    reference: Annotated[
+        Path | None, typer.Option(help="Reference FMU; stands in for `reference.fmu`.", show_default=False)
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Stands in for `seed`.", show_default=False)] = None,
+    output: Annotated[Path | None, typer.Option(help="Stands in for `output`.", show_default=False)] = None,
+    as_json: Json = False,
+) -> None:
+    """Make reference data: drive any FMU, or read recorded files, by a settings file."""
+    from cosimulation.generate import generate_data
+    from cosimulation.settings import GenerateSettings, load_settings
+
+    chosen = load_settings(GenerateSettings, settings)
+    changes: dict[str, object] = {"seed": seed, "output": output}
+    if reference is not None:
+        changes["reference"] = chosen.reference.model_copy(update={"fmu": reference, "data": {}})
+    chosen = chosen.model_copy(update={key: value for key, value in changes.items() if value is not None})
+    folder = generate_data(chosen, reporter=_reporter(as_json))
+    _print({"data": str(folder)}, as_json, f"reference data: {folder}")
+
+
+@app.command()
+def identify(
+    settings: Settings,
+    data: Annotated[
+        Path | None, typer.Option(help="Data folder; stands in for `data`.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Parameter set to write; stands in for `output`.", show_default=False)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Identify a local linear model network from reference data."""
+    from cosimulation.identify import IdentifySettings, identify_from_folder
+    from cosimulation.settings import load_settings
+
+    changes = {key: value for key, value in {"data": data, "output": output}.items() if value is not None}
+    chosen = load_settings(IdentifySettings, settings).model_copy(update=changes)
+    result = identify_from_folder(chosen, reporter=_reporter(as_json))
+    _print(result.summary(), as_json, result.text())
+
+
+@app.command()
+def build(
+    model: Annotated[str, typer.Argument(help="A parameter set (.json), or `wbm`.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option(help="FMU to write; beside the parameter set by default.", show_default=False),
+    ] = None,
+    platform: Annotated[
+        list[str] | None, typer.Option(help="FMI platform folder, several allowed.", show_default=False)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Package a parameter set, or the white-box pantograph, as an FMU."""
+    from cosimulation.build import build_model
+
+    path = build_model(model, output, tuple(platform or ()))
+    _print({"fmu": str(path)}, as_json, f"FMU: {path}")
+
+
+@app.command()
+def validate(
+    fmu: Annotated[Path, typer.Argument(help="The FMU to judge.", show_default=False)],
+    data: Annotated[
+        list[Path],
+        typer.Option(help="Experiments (.npz or .csv) to compare with, several allowed.", show_default=False),
+    ],
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            help="Compare with this FMU on the same inputs, not with the record.", show_default=False
+        ),
+    ] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Start value NAME=VALUE of the reference FMU, several allowed.", show_default=False
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Write the scores to this JSON file.", show_default=False)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Co-simulate an FMU on the inputs of recorded experiments and score its outputs."""
+    from cosimulation.validate import validate_fmu
+
+    result = validate_fmu(fmu, data, reference, _start_values(start or []), _reporter(as_json))
+    if output is not None:
+        result.save(output)
+    _print(result.summary(), as_json, result.text())
+
+
+def main() -> None:
+    """Run the command; every error a user can mend is one message and exit status 1."""
+    try:
+        app()
+    except LlmnError as error:
+        for problem in error.problems:
+            print(f"llmn: {problem}", file=sys.stderr)
+        sys.exit(1)

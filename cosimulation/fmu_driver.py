@@ -1,0 +1,227 @@
+"""Driving a co-simulation FMU sample by sample, with the row rule of every DataSet.
+
+Row k holds the inputs set at t_k and the outputs read at t_k after that set and before the next doStep.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from fmpy.fmi2 import FMU2Slave
+
+from cosimulation.fmu_file import OpenFmu
+from cosimulation.fmu_log import STATUS_NAMES, callbacks_for, forget
+from fmu_builder.errors import FmuError, Problem
+
+FloatArray = npt.NDArray[np.float64]
+StartValue = float | int | bool | str
+FMI2_WARNING = 1
+ROWS_BETWEEN_PROGRESS = 2000
+
+
+class FmuInstance:
+    """One running instance of a co-simulation FMU; made by `running_fmu`."""
+
+    def __init__(self, fmu: OpenFmu, instance_name: str) -> None:
+        self.fmu = fmu
+        self.messages: list[str] = []
+        self._callbacks = callbacks_for(self, self.messages.append)
+        description = fmu.description
+        try:
+            self.slave = FMU2Slave(
+                guid=description.guid,
+                unzipDirectory=str(fmu.folder),
+                modelIdentifier=description.coSimulation.modelIdentifier,
+                instanceName=instance_name,
+            )
+            self.slave.instantiate(callbacks=self._callbacks)
+        except Exception as reason:
+            raise self._error(f"cannot be instantiated ({reason})") from reason
+        self._references = {item.name: item.valueReference for item in description.modelVariables}
+
+    def _error(self, what: str) -> FmuError:
+        said = "; ".join(self.messages[-3:])
+        mend = f"The FMU said: {said}" if said else "The FMU gave no message; run it alone to see why"
+        return FmuError(Problem(self.fmu.path.name, what, mend))
+
+    def _checked(self, status: int | None, doing: str) -> None:
+        if status is not None and status > FMI2_WARNING:
+            raise self._error(f"reported {STATUS_NAMES[status]} while {doing}")
+
+    def _call(self, function: Callable[..., Any], doing: str, *arguments: Any) -> Any:
+        try:
+            result = function(*arguments)
+        except Exception as reason:
+            said = "" if self.messages else f" ({reason})"
+            raise self._error(f"failed while {doing}{said}") from reason
+        self._checked(result if isinstance(result, int) else None, doing)
+        return result
+
+    def initialise(self, start_values: Mapping[str, StartValue], start_time: float = 0.0) -> None:
+        """Set start values and leave initialisation mode.
+
+        Args:
+            start_values: Value by variable name; an enumeration also takes the name of its item.
+            start_time: [s].
+
+        Raises:
+            FmuError: A variable is unknown, a value does not fit its type, or the FMU refuses.
+        """
+        self.fmu.require(start_values)
+        self._call(self.slave.setupExperiment, "setting up the experiment", None, start_time)
+        for name, value in start_values.items():
+            self._set_start(name, value)
+        self._call(self.slave.enterInitializationMode, "entering initialisation")
+        self._call(self.slave.exitInitializationMode, f"initialising at {_listing(start_values)}")
+
+    def _set_start(self, name: str, value: StartValue) -> None:
+        variable = self.fmu.variable(name)
+        reference = [variable.valueReference]
+        doing = f"setting {name} = {value!r}"
+        if isinstance(value, str) and variable.type == "Enumeration":
+            items = {item.name: int(item.value) for item in variable.declaredType.items}
+            if value not in items:
+                raise FmuError.of(
+                    self.fmu.path.name, f"{name} has no item {value!r}", f"Choose of {', '.join(items)}"
+                )
+            value = items[value]
+        if variable.type in ("Enumeration", "Integer"):
+            self._call(self.slave.setInteger, doing, reference, [int(value)])
+        elif variable.type == "Boolean":
+            self._call(self.slave.setBoolean, doing, reference, [bool(value)])
+        elif variable.type == "String":
+            self._call(self.slave.setString, doing, reference, [str(value)])
+        else:
+            self._call(self.slave.setReal, doing, reference, [float(value)])
+
+    def get(self, names: Sequence[str]) -> FloatArray:
+        """Return the present values of Real variables, in the order of `names`."""
+        values = self._call(self.slave.getReal, "reading outputs", [self._references[name] for name in names])
+        return np.asarray(values, dtype=np.float64)
+
+    def step(self, begin: float, duration: float) -> None:
+        """Do one communication step from time `begin` [s] with the inputs that stand."""
+        self._call(self.slave.doStep, f"stepping at t = {begin:.6g} s", begin, duration)
+
+    def reset(self) -> None:
+        """Return the instance to the state after instantiation."""
+        self._call(self.slave.reset, "resetting")
+
+    def directional_derivatives(self, unknowns: Sequence[str], knowns: Sequence[str]) -> FloatArray:
+        """Return d unknown_i / d known_j [len(unknowns), len(knowns)] at the present point.
+
+        Raises:
+            FmuError: The FMU does not provide directional derivatives, or refuses these.
+        """
+        rows = [self._references[name] for name in unknowns]
+        columns = [
+            self._call(
+                self.slave.getDirectionalDerivative, "differentiating", rows, [self._references[name]], [1.0]
+            )
+            for name in knowns
+        ]
+        return np.asarray(columns, dtype=np.float64).T
+
+    def run(
+        self,
+        inputs: FloatArray,
+        input_names: Sequence[str],
+        output_names: Sequence[str],
+        sample_time: float,
+        start_values: Mapping[str, StartValue] | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> FloatArray:
+        """Initialise at the first row of `inputs` and co-simulate all rows.
+
+        Args:
+            inputs: [N, len(input_names)], one row per sample.
+            input_names: Real inputs of the FMU.
+            output_names: Real variables to read.
+            sample_time: Communication step [s].
+            start_values: Further start values.
+            progress: Called now and then with the number of rows done since the last call.
+
+        Returns:
+            [N, len(output_names)] by the row rule of this module.
+
+        Raises:
+            FmuError: A variable is missing or the FMU reports an error.
+        """
+        self.fmu.require(input_names, "input")
+        self.fmu.require(output_names)
+        first = dict(zip(input_names, inputs[0].tolist(), strict=True))
+        self.initialise({**(start_values or {}), **first})
+        return self._loop(np.ascontiguousarray(inputs), input_names, output_names, sample_time, progress)
+
+    def _loop(
+        self,
+        inputs: FloatArray,
+        input_names: Sequence[str],
+        output_names: Sequence[str],
+        sample_time: float,
+        progress: Callable[[int], None] | None,
+    ) -> FloatArray:
+        """Step through all rows with the library's functions called straight, 3 calls a row."""
+        rows, columns = len(inputs), len(output_names)
+        outputs = np.empty((rows, columns))
+        set_real, get_real = self._function("fmi2SetReal"), self._function("fmi2GetReal")
+        do_step = self.slave.dll["fmi2DoStep"]
+        do_step.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+        do_step.restype = ctypes.c_int
+        in_references = self._reference_array(input_names)
+        out_references = self._reference_array(output_names)
+        component = self.slave.component
+        input_row, output_row = inputs.ctypes.data, outputs.ctypes.data
+        for row in range(rows):
+            status = set_real(component, in_references, inputs.shape[1], input_row)
+            status = max(status, get_real(component, out_references, columns, output_row))
+            if row + 1 < rows:
+                status = max(status, do_step(component, row * sample_time, sample_time, 1))
+            if status > FMI2_WARNING:
+                self._checked(status, f"stepping at t = {row * sample_time:.6g} s")
+            input_row += inputs.strides[0]
+            output_row += outputs.strides[0]
+            if progress and (row + 1) % ROWS_BETWEEN_PROGRESS == 0:
+                progress(ROWS_BETWEEN_PROGRESS)
+        if not np.isfinite(outputs).all():
+            bad = int(np.argmax(~np.isfinite(outputs).all(axis=1)))
+            raise self._error(f"returned a value that is not finite at t = {bad * sample_time:.6g} s")
+        return outputs
+
+    def _function(self, name: str) -> Any:
+        function = self.slave.dll[name]
+        function.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)
+        function.restype = ctypes.c_int
+        return function
+
+    def _reference_array(self, names: Sequence[str]) -> Any:
+        return (ctypes.c_uint * len(names))(*(self._references[name] for name in names))
+
+    def close(self) -> None:
+        """Free the instance and unload the library."""
+        forget(self)
+        if self.slave.component:
+            self.slave.freeInstance()
+
+
+def _listing(values: Mapping[str, StartValue]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in values.items()) or "its start values"
+
+
+@contextmanager
+def running_fmu(fmu: OpenFmu, instance_name: str = "llmn") -> Iterator[FmuInstance]:
+    """Instantiate `fmu` for as long as the block lasts.
+
+    Raises:
+        FmuError: The FMU cannot be instantiated.
+    """
+    instance = FmuInstance(fmu, instance_name)
+    try:
+        yield instance
+    finally:
+        instance.close()

@@ -1,0 +1,166 @@
+"""Opening anybody's FMU without trusting it."""
+
+from __future__ import annotations
+
+import hashlib
+import stat
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from fmpy import platform as fmpy_platform
+from fmpy import read_model_description, sharedLibraryExtension
+
+from fmu_builder.errors import FmuError, Problem
+
+LARGEST_ARCHIVE = 4 << 30
+"""Unpacked size in bytes above which an archive is taken for a mistake or an attack."""
+
+
+@dataclass(frozen=True)
+class OpenFmu:
+    """An FMU unpacked into a temporary folder.
+
+    Attributes:
+        path: The archive.
+        folder: Where it is unpacked; gone when the context ends.
+        description: fmpy's reading of modelDescription.xml.
+        sha256: Hash of the archive, for provenance.
+    """
+
+    path: Path
+    folder: Path
+    description: Any
+    sha256: str
+
+    def variable(self, name: str) -> Any:
+        """Return fmpy's record of a variable.
+
+        Raises:
+            FmuError: There is none of that name.
+        """
+        self.require([name])
+        return next(item for item in self.description.modelVariables if item.name == name)
+
+    def require(self, names: Iterable[str], causality: str | None = None) -> None:
+        """Check that the FMU has all variables `names`, with `causality` if given.
+
+        Raises:
+            FmuError: Names every variable that is missing or of another causality.
+        """
+        known = {item.name: item for item in self.description.modelVariables}
+        problems = []
+        for name in names:
+            place = f"{self.path.name}, variable {name!r}"
+            if name not in known:
+                near = get_close_matches(name, list(known), n=3)
+                hint = f"did you mean {', '.join(map(repr, near))}?" if near else _inventory(known)
+                problems.append(Problem(place, "the FMU has no such variable", f"Mend [signals]: {hint}"))
+            elif causality and known[name].causality != causality:
+                what = f"is of causality {known[name].causality!r}, not {causality!r}"
+                problems.append(
+                    Problem(place, what, f"Map a variable of causality {causality!r} in [signals]")
+                )
+        if problems:
+            raise FmuError(problems)
+
+
+def _inventory(known: dict[str, Any]) -> str:
+    usable = [name for name, item in known.items() if item.causality in ("input", "output")]
+    return "its inputs and outputs are " + (", ".join(usable[:20]) or "none")
+
+
+def _archive_problems(path: Path, archive: zipfile.ZipFile) -> list[Problem]:
+    """Everything about the entries of an archive that would make unpacking it unsafe."""
+    problems = []
+    for entry in archive.infolist():
+        parts = PurePosixPath(entry.filename).parts
+        unsafe = (
+            ".." in parts or entry.filename.startswith("/") or "\\" in entry.filename or ":" in entry.filename
+        )
+        if unsafe:
+            what = f"the archive holds the path {entry.filename!r}, which leads out of its folder"
+            problems.append(
+                Problem(str(path), what, "Do not use this file; ask its author for a clean export")
+            )
+        if stat.S_ISLNK(entry.external_attr >> 16):
+            what = f"the archive holds the symbolic link {entry.filename!r}"
+            problems.append(Problem(str(path), what, "Ask its author for an export without links"))
+    if sum(entry.file_size for entry in archive.infolist()) > LARGEST_ARCHIVE:
+        what = f"the archive unpacks to more than {LARGEST_ARCHIVE >> 30} GiB"
+        problems.append(Problem(str(path), what, "Check that it is an FMU"))
+    if "modelDescription.xml" not in archive.namelist():
+        what = "the archive has no modelDescription.xml"
+        problems.append(Problem(str(path), what, "Check that it is an FMU, exported whole"))
+    return problems
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Unpack an archive after looking at every entry.
+
+    Raises:
+        FmuError: The file is missing, unreadable, damaged, or its entries are unsafe.
+    """
+    if not path.is_file():
+        raise FmuError.of(str(path), "there is no such FMU file", "Give the path of an existing .fmu file")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if problems := _archive_problems(path, archive):
+                raise FmuError(problems)
+            if damaged := archive.testzip():
+                what = f"the entry {damaged!r} is damaged"
+                raise FmuError.of(str(path), what, "Copy or export the file again")
+            archive.extractall(folder)
+    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError) as reason:
+        if isinstance(reason, FmuError):
+            raise
+        what = f"is not a readable FMU archive ({reason})"
+        raise FmuError.of(str(path), what, "Copy or export the file again; it may be cut short") from reason
+    except OSError as reason:
+        raise FmuError.of(str(path), f"cannot be read ({reason})", "Check the file and the disk") from reason
+
+
+def _read_description(path: Path, folder: Path) -> Any:
+    """Read modelDescription.xml and check that the FMU can run here as a co-simulation slave."""
+    try:
+        description = read_model_description(str(folder), validate=True)
+    except Exception as reason:
+        what = f"modelDescription.xml cannot be used ({reason})"
+        raise FmuError.of(str(path), what, "Ask its author for a valid FMI 2.0 export") from reason
+    if description.fmiVersion != "2.0" or description.coSimulation is None:
+        what = f"is FMI {description.fmiVersion}, " + (
+            "co-simulation" if description.coSimulation else "without co-simulation"
+        )
+        raise FmuError.of(str(path), what, "Export it as FMI 2.0 for co-simulation")
+    name = description.coSimulation.modelIdentifier + sharedLibraryExtension
+    if not (folder / "binaries" / fmpy_platform / name).is_file():
+        have = ", ".join(sorted(item.name for item in (folder / "binaries").glob("*"))) or "none"
+        what = f"has no binary for {fmpy_platform} (it has: {have})"
+        raise FmuError.of(str(path), what, "Export it for this platform, or compile its sources with fmpy")
+    return description
+
+
+@contextmanager
+def open_fmu(path: Path) -> Iterator[OpenFmu]:
+    """Unpack an FMU into a temporary folder for as long as the block lasts.
+
+    Args:
+        path: An FMI 2.0 co-simulation FMU with a binary for this machine.
+
+    Yields:
+        The unpacked FMU.
+
+    Raises:
+        FmuError: The file is missing, damaged, unsafe to unpack, not FMI 2.0 co-simulation, or has no binary
+            that runs here.
+    """
+    with tempfile.TemporaryDirectory(prefix="llmn-fmu-", ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        _unpack(path, folder)
+        description = _read_description(path, folder)
+        yield OpenFmu(path, folder, description, hashlib.sha256(path.read_bytes()).hexdigest())

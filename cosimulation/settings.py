@@ -1,0 +1,203 @@
+"""Settings: one TOML file per run, checked as a whole before anything starts."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from fmu_builder.errors import Problem, SettingsError
+from identification.excitation import ACCEPTANCE, ExcitationSettings
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Section(BaseModel):
+    """A table of a settings file: frozen, and no key is accepted that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Reference(Section):
+    """The FMU that the reference data come from; none where every experiment is a recorded file."""
+
+    fmu: Path | None = Field(None, description="FMI 2.0 co-simulation FMU")
+    start_values: dict[str, float | int | bool | str] = Field(
+        default_factory=dict, description="of its parameters, for example preset = 'Blow'"
+    )
+
+
+class Signals(Section):
+    """Our signals and what the FMU or file calls them; the inputs are eta and M_pa unless said otherwise."""
+
+    inputs: dict[str, str] = Field(default_factory=lambda: {"eta": "eta", "M_pa": "M_pa"})
+    outputs: dict[str, str] = Field(
+        default_factory=lambda: {name: name for name in ("xi", "xi_dot", "zeta", "zeta_dot", "F_H", "F_p")}
+    )
+    units: dict[str, str] = Field(
+        default_factory=lambda: {
+            "eta": "m", "M_pa": "N.m", "xi": "m", "xi_dot": "m/s", "zeta": "m", "zeta_dot": "m/s",
+            "F_H": "N", "F_p": "N",
+        }
+    )  # fmt: skip
+
+
+Split = Literal["train", "validation", "test"]
+
+
+class ExperimentSettings(Section):
+    """One experiment; whole experiments go to one split."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_\-]+$")
+    kind: Literal["operating_point", "whole_range"]
+    split: Split
+    file: Path | None = Field(None, description="recorded .csv or .npz that stands in for the FMU")
+    duration: float | None = Field(None, gt=0, description="[s]; not for a file")
+    height: float | None = Field(None, description="operating point of eta [m]; kind operating_point")
+    low: float = Field(0.6, description="lowest height of a whole-range run, without noise [m]")
+    high: float = Field(2.4, description="highest [m]")
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> ExperimentSettings:
+        if self.kind == "operating_point" and self.height is None:
+            raise ValueError("an operating_point experiment needs its height")
+        if (self.file is None) == (self.duration is None):
+            raise ValueError("an experiment needs either a file or a duration")
+        return self
+
+
+class StaticMapSettings(Section):
+    """The static map y_e over the height, at the operating point of the torque."""
+
+    method: Literal["automatic", "initialise", "settle", "regression"] = Field(
+        "automatic",
+        description="initialise: steady states from initialising the FMU; settle: by simulating it; "
+        "regression: from the whole-range training data; automatic: initialise with an FMU, else regression",
+    )
+    low: float = 0.5
+    high: float = 2.5
+    heights: int = Field(41, ge=9)
+    settling_time: float = Field(20.0, gt=0, description="simulated at each height, method settle [s]")
+
+
+class Noise(Section):
+    """Measurement noise on the outputs of training data, standard deviations; none by default."""
+
+    position: float = Field(0.0, ge=0, description="[m], on outputs in m")
+    velocity: float = Field(0.0, ge=0, description="[m/s], on outputs in m/s")
+
+
+class GenerateSettings(Section):
+    """`llmn generate`: reference data from any FMU, or from recorded files."""
+
+    seed: int = Field(1, ge=0)
+    reference: Reference = Reference()
+    signals: Signals = Signals()
+    excitation: ExcitationSettings = ACCEPTANCE
+    experiments: tuple[ExperimentSettings, ...] = ()
+    static_map: StaticMapSettings = StaticMapSettings()
+    noise: Noise = Noise()
+    output: Path = Path("data")
+
+
+def _known_keys(model: type[BaseModel], trail: tuple[int | str, ...]) -> list[str]:
+    """Keys that the table at `trail` knows."""
+    current: Any = model
+    for step in trail:
+        if isinstance(step, str) and isinstance(current, type) and issubclass(current, BaseModel):
+            field = current.model_fields.get(step)
+            current = field.annotation if field else None
+        inner = [
+            item
+            for item in (current, *get_args(current))
+            if isinstance(item, type) and issubclass(item, BaseModel)
+        ]
+        current = inner[0] if inner else None
+    if isinstance(current, type) and issubclass(current, BaseModel):
+        return list(current.model_fields)
+    return []
+
+
+def _dotted(trail: tuple[int | str, ...]) -> str:
+    text = ""
+    for step in trail:
+        text += f"[{step + 1}]" if isinstance(step, int) else f".{step}" if text else str(step)
+    return text
+
+
+def _problem(model: type[BaseModel], source: str, error: Mapping[str, Any]) -> Problem:
+    """Say in a user's words what pydantic found."""
+    trail = tuple(error["loc"])
+    place = f"{source}, {_dotted(trail)}" if trail else source
+    if error["type"] == "extra_forbidden":
+        known = _known_keys(model, trail[:-1])
+        near = get_close_matches(str(trail[-1]), known, n=1, cutoff=0.5)
+        mend = f"Did you mean {near[0]!r}?" if near else f"Known keys here: {', '.join(known)}"
+        return Problem(place, "there is no such key", mend.rstrip("."))
+    if error["type"] == "missing":
+        return Problem(place, "this key is needed and missing", "Add it")
+    return Problem(place, f"{error['msg']} (found {error.get('input')!r})", "Change the value")
+
+
+def parse_settings(model: type[Model], values: Mapping[str, Any], source: str) -> Model:
+    """Check values against a settings model.
+
+    Args:
+        model: The settings to read.
+        values: As read from TOML.
+        source: Name of the file, for messages.
+
+    Raises:
+        SettingsError: Names every key that is unknown, missing or of a wrong value, all at once.
+    """
+    try:
+        return model.model_validate(values)
+    except ValidationError as reason:
+        raise SettingsError([_problem(model, source, dict(error)) for error in reason.errors()]) from reason
+
+
+def load_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises:
+        SettingsError: The file is missing, unreadable or not TOML.
+    """
+    try:
+        with path.open("rb") as stream:
+            return tomllib.load(stream)
+    except FileNotFoundError as reason:
+        raise SettingsError.of(
+            str(path), "there is no such settings file", "Give the path of a TOML file"
+        ) from reason
+    except (OSError, UnicodeDecodeError) as reason:
+        raise SettingsError.of(
+            str(path), f"cannot be read ({reason})", "Give a readable TOML file"
+        ) from reason
+    except tomllib.TOMLDecodeError as reason:
+        raise SettingsError.of(str(path), f"is not valid TOML ({reason})", "Mend that line") from reason
+
+
+def load_settings(model: type[Model], path: Path) -> Model:
+    """Read and check a settings file; relative paths in it stay relative to the working folder.
+
+    Raises:
+        SettingsError: See `load_toml` and `parse_settings`.
+    """
+    return parse_settings(model, load_toml(path), str(path))
+
+
+STUDIES = Path(__file__).parent / "studies"
+
+
+def load_shipped_settings(model: type[Model], name: str) -> Model:
+    """Read a settings file that comes with the project.
+
+    Args:
+        model: The settings to read.
+        name: A file in `cosimulation/studies`.
+    """
+    return load_settings(model, STUDIES / name)

@@ -1,0 +1,158 @@
+"""Side by side: an FMU co-simulated on the inputs of recorded experiments, and what it gets right."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cosimulation.fmu_driver import FloatArray, running_fmu
+from cosimulation.fmu_file import OpenFmu, open_fmu
+from cosimulation.progress import SILENT, Reporter
+from fmu_builder.errors import DataError, Problem
+from fmu_builder.files import write_text
+from identification.data_set import DataSet
+from identification.scores import records
+
+
+@dataclass(frozen=True)
+class CoSimulation:
+    """One FMU run on one experiment.
+
+    Attributes:
+        signals: Outputs that both the FMU and the experiment have.
+        outputs: What the FMU gave, [N, len(signals)].
+        reference: What the experiment holds, the same shape.
+        seconds: Wall time of the run.
+        steps: Number of doStep calls.
+    """
+
+    signals: tuple[str, ...]
+    outputs: FloatArray
+    reference: FloatArray
+    seconds: float
+    steps: int
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Scores of one FMU."""
+
+    fmu: str
+    records: tuple[dict[str, Any], ...]
+
+    def summary(self) -> dict[str, object]:
+        """Return the result for a machine."""
+        return {"fmu": self.fmu, "scores": list(self.records)}
+
+    def text(self) -> str:
+        """Return the result for a person: one line per experiment and signal."""
+        lines = [f"{self.fmu}", f"{'experiment':<24}{'signal':<12}{'FIT %':>10}{'max error':>14}"]
+        for item in self.records:
+            fit = "-" if item["fit"] is None else f"{item['fit']:.2f}"
+            lines.append(f"{item['data_set']:<24}{item['signal']:<12}{fit:>10}{item['max_error']:>14.6g}")
+        return "\n".join(lines)
+
+    def save(self, path: Path) -> None:
+        """Write the records as JSON, at once or not at all."""
+        write_text(path, json.dumps(list(self.records), indent=1) + "\n")
+
+
+def mapped_signals(fmu: OpenFmu, data: DataSet) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the inputs of the FMU and those outputs of it that the data set has.
+
+    Raises:
+        DataError: The data set lacks an input of the FMU, or shares no output with it.
+    """
+    variables = fmu.description.modelVariables
+    real = [item for item in variables if item.type == "Real"]
+    inputs = tuple(item.name for item in real if item.causality == "input")
+    outputs = tuple(item.name for item in real if item.causality == "output" and item.name in data.names)
+    place = f"data set {data.name!r}"
+    problems = [
+        Problem(
+            place, f"has no column {name!r}, an input of {fmu.path.name}", "Name the column like the input"
+        )
+        for name in inputs
+        if name not in data.names
+    ]
+    if not outputs:
+        offered = ", ".join(item.name for item in real if item.causality == "output")
+        problems.append(
+            Problem(place, "has no column to compare with", f"Name columns like outputs: {offered}")
+        )
+    if problems:
+        raise DataError(problems)
+    return inputs, outputs
+
+
+def co_simulate(
+    fmu: OpenFmu,
+    data: DataSet,
+    start_values: Mapping[str, float | int | bool | str] | None = None,
+    advance: Any = None,
+) -> CoSimulation:
+    """Run an FMU on the inputs of a data set.
+
+    Raises:
+        DataError: See `mapped_signals`.
+        FmuError: The FMU reports an error.
+    """
+    inputs, outputs = mapped_signals(fmu, data)
+    with running_fmu(fmu, "validate") as instance:
+        begin = time.perf_counter()
+        values = instance.run(data.matrix(inputs), inputs, outputs, data.sample_time, start_values, advance)
+        seconds = time.perf_counter() - begin
+    return CoSimulation(outputs, values, data.matrix(outputs), seconds, len(data) - 1)
+
+
+def validate_fmu(
+    path: Path,
+    data_files: Sequence[Path],
+    reference: Path | None = None,
+    reference_start: Mapping[str, float | int | bool | str] | None = None,
+    reporter: Reporter = SILENT,
+) -> Validation:
+    """Co-simulate an FMU on recorded inputs and score every output it shares with the reference.
+
+    Args:
+        path: The FMU.
+        data_files: Experiments, .npz or .csv.
+        reference: FMU that gives the outputs to compare with; the recorded outputs by default.
+        reference_start: Start values of the reference FMU.
+        reporter: Told how far it is.
+
+    Raises:
+        FmuError: An FMU cannot be opened or reports an error.
+        DataError: An experiment cannot be read, or does not fit an FMU.
+    """
+    experiments = [DataSet.load(file) for file in data_files]
+    if reference is not None:
+        with open_fmu(reference) as fmu:
+            experiments = [_with_outputs_of(fmu, data, reference_start or {}) for data in experiments]
+    found: list[dict[str, Any]] = []
+    with (
+        open_fmu(path) as fmu,
+        reporter.bar(f"co-simulating {path.name}", sum(map(len, experiments))) as advance,
+    ):
+        for data in experiments:
+            run = co_simulate(fmu, data, advance=advance)
+            labels = {"model": fmu.description.modelName, "data_set": data.name, "recommended": True}
+            found += records(run.reference, run.outputs, run.signals, labels)
+    return Validation(path.name, tuple(found))
+
+
+def _with_outputs_of(
+    fmu: OpenFmu, data: DataSet, start_values: Mapping[str, float | int | bool | str]
+) -> DataSet:
+    """Return the inputs of a data set with the outputs that a reference FMU gives for them."""
+    real = [item for item in fmu.description.modelVariables if item.type == "Real"]
+    inputs = tuple(item.name for item in real if item.causality == "input")
+    outputs = tuple(item.name for item in real if item.causality == "output")
+    with running_fmu(fmu, "reference") as instance:
+        values = instance.run(data.matrix(inputs), inputs, outputs, data.sample_time, start_values)
+    units = tuple(item.unit or "" for item in real if item.causality == "output")
+    return data.select(inputs).with_columns(outputs, units, values)

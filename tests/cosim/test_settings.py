@@ -1,0 +1,58 @@
+"""Settings are checked as a whole, and every message says how to mend it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cosimulation.settings import GenerateSettings, load_settings, parse_settings
+from fmu_builder.errors import SettingsError
+
+
+def problems(values: dict[str, object]) -> list[str]:
+    with pytest.raises(SettingsError) as caught:
+        parse_settings(GenerateSettings, values, "run.toml")
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_a_misspelt_key_is_answered_with_the_right_one() -> None:
+    (text,) = problems({"expermients": []})
+    assert "run.toml, expermients" in text
+    assert "'experiments'" in text
+
+
+def test_a_misspelt_key_in_a_table_is_placed() -> None:
+    (text,) = problems({"excitation": {"noise_rsm": 0.001}})
+    assert "excitation.noise_rsm" in text
+    assert "'noise_rms'" in text
+
+
+def test_a_misspelt_key_in_a_list_is_placed() -> None:
+    experiment = {"name": "a", "kind": "whole_range", "split": "test", "duration": 1.0, "hieght": 2.0}
+    (text,) = problems({"experiments": [experiment]})
+    assert "experiments[1].hieght" in text
+    assert "'height'" in text
+
+
+def test_everything_wrong_is_told_at_once() -> None:
+    texts = problems({"seed": -1, "nonsense": 1, "experiments": [{"name": "a b"}]})
+    assert len(texts) == 5  # seed, nonsense, and in the experiment: name, kind, split
+    assert all(text.startswith("run.toml") for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"), [("a = ", "not valid TOML"), ("\x00", "not valid TOML"), ("seed = 'x'", "seed")]
+)
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, content: str, expected: str) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(SettingsError) as caught:
+        load_settings(GenerateSettings, path)
+    assert str(path) in str(caught.value)
+    assert expected in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="no such settings file"):
+        load_settings(GenerateSettings, tmp_path / "run.toml")

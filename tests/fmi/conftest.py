@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
 from fmi import lti
 from fmi.raw import Slave, load
-
 from fmu_builder.compiler import host_platform
 
 GUID = lti.INTERFACE.guid(lti.MODEL_HASH)

@@ -7,9 +7,9 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import pytest
+
 from fmi import lti
 from fmi.conftest import GUID
-
 from fmu_builder.errors import BuildError
 from fmu_builder.fmi2 import UNITS, Interface, Variable, model_description, variables_header
 

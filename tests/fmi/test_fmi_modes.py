@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Callable
 
 import pytest
+
 from fmi.lti import VR
 from fmi.raw import ERROR, OK, Slave
 

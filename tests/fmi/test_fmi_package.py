@@ -14,12 +14,12 @@ import fmpy.fmi2
 import numpy as np
 import pytest
 import ziglang
+from fmpy.validation import validate_fmu
+
 from fmi import lti
 from fmi.conftest import GUID
 from fmi.exports import elf_needs_libraries, elf_symbols, pe_symbols
 from fmi.lti import VR
-from fmpy.validation import validate_fmu
-
 from fmu_builder.compiler import cache_folder, host_platform
 from fmu_builder.errors import BuildError, OutputError
 from fmu_builder.fmi2 import build_fmu, fmi_headers

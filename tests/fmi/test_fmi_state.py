@@ -10,11 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
 from fmi.conftest import GUID
 from fmi.lti import VR
 from fmi.raw import ERROR, OK, Slave
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 NewSlave = Callable[..., Slave]
 OUTPUTS = [VR["x_1"], VR["x_2"], VR["scaled"], VR["mixed"]]

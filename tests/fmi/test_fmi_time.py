@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
 from fmi import lti
 from fmi.conftest import GUID
 from fmi.lti import VR
 from fmi.raw import OK, Slave, load
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-
 from fmu_builder.compiler import host_platform
 from fmu_builder.fmi2 import C_FOLDER
 from tolerances import BITS

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 
 import pytest
+
 from fmi import lti
 from fmi.conftest import GUID
 from fmi.lti import VR

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -124,7 +125,7 @@ def run_demo(output: Path, quick: bool = False, reporter: Reporter = SILENT) -> 
     Raises:
         LlmnError: Something could not be done; nothing is left behind then.
     """
-    from cosimulation.report import write_report
+    from cosimulation.report import PICTURE, write_picture, write_report
 
     clock = _Clock()
     with folder_written_atomically(output) as folder:
@@ -140,8 +141,10 @@ def run_demo(output: Path, quick: bool = False, reporter: Reporter = SILENT) -> 
         reporter.say("report")
         with clock.phase("report"):
             write_report(folder / "report.html", result)
+            write_picture(folder / PICTURE, result)
         write_text(folder / "scores.json", json.dumps(scores, indent=1) + "\n")
         write_text(folder / "timings.json", json.dumps(result.timings, indent=1) + "\n")
+        write_text(folder / "settings.json", json.dumps(_settings_used(sets), indent=1) + "\n")
     return result
 
 
@@ -180,6 +183,17 @@ def _run_set(
                 for item in unseen
             )
     return result
+
+
+def _settings_used(sets: Sequence[SetResult]) -> dict[str, Any]:
+    """Settings of data and models by white-box set; every model's own stand in its parameter set, too."""
+    return {
+        one.wbm: {
+            "data": one.data.origin["settings"],
+            "models": {item.name: item.parameter_set.provenance for item in one.candidates},
+        }
+        for one in sets
+    }
 
 
 def _unseen(data: DataFolder) -> tuple[Experiment, ...]:

@@ -1,0 +1,1 @@
+"""Figures of the report, each one a function that returns an inline SVG."""

@@ -1,0 +1,197 @@
+"""From views to the page: what the template shows."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from cosimulation.pantograph import SIGNALS
+from cosimulation.report import thesis
+from cosimulation.report.figures.contact_force import close_up_figure, overview_figure, scheduled
+from cosimulation.report.figures.poles import poles_figure
+from cosimulation.report.figures.spectra import SEGMENT_SECONDS, spectra_figure
+from cosimulation.report.figures.summary import summary_figure
+from cosimulation.report.modes import FURTHEST
+from cosimulation.report.tables import fit_rows, mode_names, pole_rows, step_rows, surrogate_tables
+from cosimulation.report.verdict import percent, verdict
+from cosimulation.report.views import SetView, views
+from fmus.wbm import parameter_sets
+from identification.scores import SCORED_FRACTION
+
+if TYPE_CHECKING:
+    from cosimulation.demo import DemoResult
+
+TEMPLATES = Path(__file__).parent / "templates"
+LIBRARIES = (
+    "pantograph-llmn", "numpy", "scipy", "control", "fmpy", "pydantic", "matplotlib", "jinja2", "ziglang",
+)  # fmt: skip
+CONTENTS = (
+    ("verdict", "Verdict"),
+    ("what", "What this is"),
+    ("fit", "FIT per signal"),
+    ("time", "Contact force over time"),
+    ("spectra", "Spectra"),
+    ("poles", "Poles"),
+    ("surrogate", "Surrogate"),
+    ("speed", "Step times"),
+    ("made", "How it was made"),
+)
+_SYMBOLS = {
+    "xi": "&#958;",
+    "xi_dot": "&#958;&#775;",
+    "zeta": "&#950;",
+    "zeta_dot": "&#950;&#775;",
+    "F_H": "F<sub>H</sub>",
+    "F_p": "F<sub>p</sub>",
+}
+_KINDS = {"operating_point": "operating point", "whole_range": "whole range"}
+
+
+def render(result: DemoResult) -> str:
+    """Return the whole page."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    sets = views(result)
+    return environment.get_template("report.html.jinja").render(
+        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
+        contents=CONTENTS,
+        quick=result.quick,
+        thesis_best=percent(thesis.BEST_CONTACT_FORCE),
+        linear_remark=thesis.LINEAR_REMARK,
+        scored_percent=f"{100.0 * SCORED_FRACTION:g}",
+        segment=f"{SEGMENT_SECONDS:.3g}",
+        furthest=f"{FURTHEST:g}",
+        signals=_signals(sets[0]),
+        recipe=_recipe(sets[0]),
+        summary=Markup(summary_figure(sets)),
+        sets=[_set_content(view) for view in sets],
+        step_rows=step_rows(sets, result.timings["steps"]),
+        machine=f"{platform.system()} {platform.machine()}",
+        versions=_versions(),
+    )
+
+
+def _set_content(view: SetView) -> dict[str, Any]:
+    """Return what the template shows of one white-box set."""
+    found, shown = verdict(view), scheduled(view)
+    physical = parameter_sets()[view.name]
+    origin = view.result.data.origin
+    return {
+        "name": view.name,
+        "negative": percent(100.0 * float((view.reference("F_p") < 0.0).mean()), 0),
+        "verdict": found,
+        "fit": percent(found.fit),
+        "description": physical.description,
+        "best": found.best.title,
+        "head_stiffness": f"{physical['k_C'] / 1000.0:.4g}",
+        "experiments": _experiments(view),
+        "fit_rows": fit_rows(view),
+        "overview": Markup(overview_figure(view)),
+        "close_up": Markup(close_up_figure(view)),
+        "spectra": Markup(spectra_figure(view)),
+        "poles": Markup(poles_figure(view)),
+        "hats_go_on": shown is not None and shown.parameter_set.partition.validity == "hat",
+        "mode_names": mode_names(view),
+        "pole_rows": pole_rows(view),
+        "surrogates": surrogate_tables(view),
+        "hashes": _hashes(view),
+        "settings": _json(origin["settings"]),
+        "model_settings": [
+            (model.title, _json(_model_settings(model.parameter_set.provenance))) for model in view.models
+        ],
+    }
+
+
+def _signals(view: SetView) -> list[dict[str, Any]]:
+    model = view.models[0]
+    return [
+        {
+            "name": f"{name} [{model.unit(name)}]",
+            "symbol": Markup(_SYMBOLS.get(name, name)),
+            "meaning": model.meaning(name),
+        }
+        for name in SIGNALS
+    ]
+
+
+def _recipe(view: SetView) -> dict[str, str]:
+    """Return how the data were made, in words and numbers."""
+    settings = view.result.data.origin["settings"]
+    excitation, noise = settings["excitation"], settings["noise"]
+    test = view.models[0].runs["test"].experiment
+    shape = next(item for item in settings["experiments"] if item["name"] == test.name)
+    duration = len(test.data) * test.data.sample_time
+    speed = 2.0 * (shape["high"] - shape["low"]) / duration
+    bias = 0.5 * parameter_sets()[view.name]["k_E"] * speed * view.sample_time
+    noisy = any(value > 0.0 for value in noise.values())
+    spoken = f"Measurement noise on training outputs: {noise['position']:g} m, {noise['velocity']:g} m/s."
+    return {
+        "sample_time": f"{1000.0 * excitation['sample_time']:g}",
+        "noise": f"{1000.0 * excitation['noise_rms']:g}",
+        "corner": f"{excitation['corner_frequency']:g}",
+        "torque": f"{excitation['torque']:g}",
+        "amplitude": f"{excitation['torque_amplitude']:g}",
+        "hold": f"{1000.0 * excitation['hold_minimum']:g} to {1000.0 * excitation['hold_maximum']:g}",
+        "low": f"{shape['low']:g}",
+        "high": f"{shape['high']:g}",
+        "seed": str(settings["seed"]),
+        "hold_bias": f"{bias:.2g}",
+        "measurement_noise": spoken if noisy else "There is no measurement noise.",
+    }
+
+
+def _experiments(view: SetView) -> list[dict[str, str]]:
+    return [
+        {
+            "name": item.name,
+            "kind": _KINDS.get(item.kind, item.kind),
+            "split": item.split,
+            "height": "" if item.height is None else f"{item.height:g}",
+            "duration": f"{len(item.data) * item.data.sample_time:g}",
+        }
+        for item in view.result.data.experiments
+    ]
+
+
+def _hashes(view: SetView) -> list[tuple[str, str]]:
+    """Return what identifies reference, data and models."""
+    data = view.result.data
+    found = []
+    reference = data.origin.get("reference")
+    if reference:
+        found.append((f"reference FMU, {reference['model']}", reference["sha256"]))
+    found += [(f"data {item.name} (content)", item.data.content_hash) for item in data.experiments]
+    found += [(f"model {model.candidate.name}", model.parameter_set.model_hash()) for model in view.models]
+    return found
+
+
+def _model_settings(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a parameter set says about its making, less the reference data's own settings."""
+    return {name: value for name, value in provenance.items() if name != "origin"}
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, indent=1, sort_keys=True)
+
+
+def _versions() -> str:
+    """Return the versions of everything the figures depend on."""
+    found = [f"Python {platform.python_version()}"]
+    for name in LIBRARIES:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            found.append(f"{name} (not installed as a package)")
+    return ", ".join(found)

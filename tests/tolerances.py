@@ -49,3 +49,4 @@ STAYS_AT_REST = 1e-9  # of the largest number in the steady state: solved by eli
 SAME_NETWORK = 1e-10  # of the largest output: two ways to write one network, rounding over hundreds of ticks
 WEIGHT_SUM = 1e-15  # a few roundings of numbers that sum to 1; node tables hold rounded rows
 SETTLED = 1e-9  # m and m/s: a steady state stays put over 5000 ticks
+SPECTRUM_POWER = 0.01  # relative: Hann windows over a sine that ends between two lines

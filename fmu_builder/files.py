@@ -77,7 +77,7 @@ def write_text(path: Path, content: str) -> Path:
 
 @contextmanager
 def folder_written_atomically(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `path` that takes the place of `path` when the block ends without an error.
+    """Yield a temporary folder that takes the place of `path` when the block ends without an error.
 
     An older folder at `path` stays as it was until then.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -10,6 +11,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fmu_builder.errors import OutputError
+
+_UNWRITABLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def unwritable_character(text: str) -> str | None:
+    """Return the first character of `text`, escaped, that XML 1.0 or UTF-8 cannot carry."""
+    found = _UNWRITABLE.search(text)
+    return None if found is None else ascii(found.group())[1:-1]
 
 
 def _refused(path: Path, reason: OSError) -> OutputError:

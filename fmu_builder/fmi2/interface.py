@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from fmu_builder.errors import BuildError, Problem
+from fmu_builder.files import unwritable_character
 from fmu_builder.fmi2.variable import LONGEST_NAME, NAME, Variable
 
 _ORDER = {"input": 0}
@@ -100,6 +101,11 @@ class Interface:
             yield Problem(place, f"default_step is {self.default_step}", "Give a positive time in s")
         if not (math.isfinite(self.stop_time) and self.stop_time > 0.0):
             yield Problem(place, f"stop_time is {self.stop_time}", "Give a positive time in s")
+        texts = ("model_name", "description", "licence", "author", "tool", "version", "copyright")
+        for name in texts:
+            found = unwritable_character(getattr(self, name))
+            if found is not None:
+                yield Problem(place, f"{name} holds {found}, which XML cannot carry", "Leave it out")
         ranks = [_ORDER.get(variable.causality, 1) for variable in self.variables]
         if ranks != sorted(ranks):
             yield Problem(place, "an input stands behind another variable", "List the inputs first")

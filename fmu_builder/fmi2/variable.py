@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
 
 from fmu_builder.errors import Problem
+from fmu_builder.files import unwritable_character
 from fmu_builder.fmi2.units import UNITS
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -92,6 +93,10 @@ class Variable:
             yield "is not a C identifier", "Use letters, digits and underscores, no digit first"
         if len(self.name) > LONGEST_NAME:
             yield f"has {len(self.name)} characters", f"Use at most {LONGEST_NAME}"
+        for text in (self.description, *self.enumeration):
+            found = unwritable_character(text)
+            if found is not None:
+                yield f"has a text with {found}, which XML cannot carry", "Leave it out"
         if self.type not in TYPES:
             yield f"has the unknown type {self.type!r}", f"Use one of {', '.join(TYPES)}"
         if self.causality not in _LEGAL:

@@ -2,7 +2,7 @@
 
 from fmu_builder.kernel.native import SOURCES, Network, simulate, static_outputs, validities
 from fmu_builder.kernel.table_writer import tables_header
-from fmu_builder.kernel.tables import Tables, tables_of
+from fmu_builder.kernel.tables import Tables, tables_of, with_validity
 
 __all__ = [
     "SOURCES",
@@ -13,4 +13,5 @@ __all__ = [
     "tables_header",
     "tables_of",
     "validities",
+    "with_validity",
 ]

@@ -17,6 +17,9 @@ from fmu_builder.parameter_set import LocalLinearModel, ParameterSet, Partition,
 Row = Sequence[float]
 Blend = list[tuple[LocalLinearModel, float]]
 _FACTORIALS = [1.0 / math.factorial(n) for n in range(15)]
+_START_PASSES = 100  # KERNEL_START_PASSES of kernel.h
+_SMALLEST = 1e-100  # what is smaller than this becomes zero at a tick: no denormal numbers (c/kernel.h)
+_LOG_SMALLEST = -230.0  # the same for a log-weight below the largest one
 _SINGULAR = 1e-14  # a pivot this small against the largest entry means: no steady state
 
 
@@ -39,6 +42,11 @@ def exponential(x: float) -> float:
     result = 1.0 + (high + (r * r * tail - low))
     half = int(k / 2)  # towards zero, as C divides
     return result * math.ldexp(1.0, half) * math.ldexp(1.0, k - half)
+
+
+def significant(value: float) -> float:
+    """Return `value`, or zero where it is too small to matter."""
+    return 0.0 if -_SMALLEST < value < _SMALLEST else value
 
 
 def log_weight_coefficients(partition: Partition) -> list[tuple[float, float, float]]:
@@ -140,6 +148,7 @@ class Network:
         x: States of the blend, or of every local model with output blending.
         weights: [M] validities at the last tick.
         in_range: Whether the inputs of the last tick lie in the trained range.
+        deviation: (C x)_j of the last tick, which also schedules.
     """
 
     def __init__(self, parameter_set: ParameterSet) -> None:
@@ -153,6 +162,11 @@ class Network:
         self.x: list[list[float]] = []
         self.weights: list[float] = []
         self.in_range = True
+        self.deviation = 0.0
+        self.kappa = parameter_set.partition.deviation_gain
+        names = [signal.name for signal in parameter_set.outputs]
+        output = parameter_set.partition.deviation_output
+        self.deviation_index = 0 if output is None else names.index(output)
 
     def start(self, inputs: Row) -> None:
         """Enter the steady state for `inputs` [m].
@@ -160,11 +174,20 @@ class Network:
         Raises:
             ParameterSetError: There is none.
         """
-        count = len(self.set.local_models) if self.output_blending else 1
-        self.x = [[0.0] * self.set.state_count for _ in range(count)]
         self.low_pass = self.held_scheduling = inputs[self.set.scheduling_index]
         self.in_range = self._inside(inputs)
-        blend = self._schedule(self.held_scheduling)
+        self.deviation = 0.0
+        self._settle(inputs)
+        for _ in range(_START_PASSES - 1 if self.kappa != 0.0 else 0):
+            before = self.deviation
+            self._settle(inputs)
+            if self.deviation == before:
+                break
+
+    def _settle(self, inputs: Row) -> None:
+        count = len(self.set.local_models) if self.output_blending else 1
+        self.x = [[0.0] * self.set.state_count for _ in range(count)]
+        blend = self._schedule(self._scheduling(self.held_scheduling))
         self._advance(blend, inputs)
         settled = [[(model, 1.0)] for model in self.set.local_models] if self.output_blending else [blend]
         for models, x in zip(settled, self.x, strict=True):
@@ -184,8 +207,9 @@ class Network:
         change = scheduling - self.held_scheduling
         if self.kind == "low_pass":
             gain = low_pass_gain(self.set.offsets.corner_frequency or 0.0, self.set.sample_time)
-            self.low_pass += gain * (scheduling - self.low_pass)
-        blend = self._schedule(self.low_pass if self.kind == "low_pass" else scheduling)
+            self.low_pass = significant(self.low_pass + gain * (scheduling - self.low_pass))
+        position = self.low_pass if self.kind == "low_pass" else self._scheduling(scheduling)
+        blend = self._schedule(position)
         self.held_scheduling = scheduling
         self.in_range = self._inside(inputs)
         if self.kind == "scheduled_equilibrium":
@@ -217,6 +241,9 @@ class Network:
         inside = all(signal.minimum <= value <= signal.maximum for signal, value in pairs)
         return inside and low <= inputs[self.set.scheduling_index] <= high
 
+    def _scheduling(self, s: float) -> float:
+        return s if self.kappa == 0.0 else s + self.kappa * self.deviation
+
     def _schedule(self, scheduling: float) -> Blend:
         """Set the weights; return the models a blend consists of."""
         partition, table = self.set.partition, self.set.node_table
@@ -231,7 +258,8 @@ class Network:
         else:
             d = r - range_middle(partition)
             logs = [(c * d + b) * d + a for a, b, c in log_weight_coefficients(partition)]
-            exponentials = [exponential(value - max(logs)) for value in logs]
+            falls = [value - max(logs) for value in logs]
+            exponentials = [0.0 if fall < _LOG_SMALLEST else exponential(fall) for fall in falls]
             total = 0.0
             for value in exponentials:
                 total += value
@@ -270,7 +298,8 @@ class Network:
         if self.output_blending:
             for index, model in enumerate(self.set.local_models):
                 x, deviation = self.x[index], self._deviation(inputs, model.u0 or self.u_op)
-                x[:] = self._transition(model, self._shifted(x, model.x0), deviation)
+                following = self._transition(model, self._shifted(x, model.x0), deviation)
+                x[:] = [significant(value) for value in following]
             return
         x0, u0 = self._affine(blend)
         source, deviation = self._shifted(self.x[0], x0), self._deviation(inputs, u0)
@@ -278,7 +307,7 @@ class Network:
         for model, weight in blend:
             for index, value in enumerate(self._transition(model, source, deviation)):
                 following[index] += weight * value
-        self.x[0] = following
+        self.x[0] = [significant(value) for value in following]
 
     def _affine(self, blend: Blend) -> tuple[Row | None, Row]:
         if self.kind != "affine":
@@ -299,12 +328,15 @@ class Network:
             self.held = [0.0] * len(self.y_op) if self.kind == "affine" else list(self.y_op)
         self.feedthrough = blended_matrix(blend, lambda model: model.D)
         x0, u0 = self._affine(blend)
+        self.deviation = 0.0
         for index, (model, weight) in enumerate(blend):
             if self.output_blending:
                 x0, u0 = model.x0, model.u0 or self.u_op
             source = self._shifted(self.x[index if self.output_blending else 0], x0)
             product = [0.0] * len(self.held)
             times(model.C, source, product)
+            if self.kappa != 0.0:
+                self.deviation += weight * product[self.deviation_index]
             if model.y0 is not None:
                 product = [value + rest for value, rest in zip(product, model.y0, strict=True)]
                 if self.has_feedthrough:

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmu_builder.kernel.specification import log_weight_coefficients, low_pass_gain, range_middle
-from fmu_builder.parameter_set import LocalLinearModel, ParameterSet
+from fmu_builder.parameter_set import LocalLinearModel, ParameterSet, Partition
 
 Array = NDArray[np.float64]
 _OFFSETS = ("none", "affine", "low_pass", "scheduled_equilibrium")  # OFFSETS_... of kernel.h
 
 SIZES = (
     *("states", "inputs", "outputs", "derived", "local_models", "models", "nodes", "map_points"),
-    *("blending", "offsets", "scheduling", "feedthrough"),
+    *("blending", "offsets", "scheduling", "feedthrough", "deviation_output"),
 )
-NUMBERS = ("range_low", "range_high", "range_middle", "low_pass_gain", "node_scale", "map_scale")
+NUMBERS = (
+    *("range_low", "range_high", "range_middle", "low_pass_gain", "node_scale", "map_scale"),
+    "deviation_gain",
+)
 ARRAYS = (
     *("log_weights", "node_positions", "node_weights", "map_positions", "map_values"),
     *("A", "B", "C", "D", "g", "x0", "u0", "y0"),
@@ -69,7 +72,7 @@ class Tables:
         """Doubles in the state array: `kernel_state_size` of c/kernel.c."""
         size = self.sizes
         n, m, p, M = size["states"], size["inputs"], size["outputs"], size["local_models"]
-        carried = (n if size["blending"] else M * n) + M + p + m * p + n + 3
+        carried = (n if size["blending"] else M * n) + M + p + m * p + n + 4
         return carried + 2 + 2 * m + 3 * n + max(n, p) + n * n
 
     def native(self) -> NativeTables:
@@ -115,6 +118,7 @@ def tables_of(parameter_set: ParameterSet) -> Tables:
             "offsets": _OFFSETS.index(offsets.kind),
             "scheduling": parameter_set.scheduling_index,
             "feedthrough": int(arrays["D"].any()),
+            "deviation_output": _deviation_index(parameter_set),
         },
         numbers={
             "range_low": partition.range[0],
@@ -125,10 +129,44 @@ def tables_of(parameter_set: ParameterSet) -> Tables:
             else low_pass_gain(frequency, parameter_set.sample_time),
             "node_scale": _scale(nodes),
             "map_scale": _scale(points),
+            "deviation_gain": partition.deviation_gain,
         },
         arrays=arrays | {"term_coefficients": coefficients},
         indices=indices,
     )
+
+
+def with_validity(
+    tables: Tables,
+    partition: Partition,
+    node_weights: Array | None = None,
+    node_models: Mapping[str, Array] | None = None,
+) -> Tables:
+    """Return the tables of the same network with other numbers of its validity: what a search changes.
+
+    Nothing is checked: a result that is kept is built as a parameter set.
+
+    Args:
+        tables: Those of a network with the same kind of validity, centres and nodes.
+        partition: The other partition.
+        node_weights: Weights at the nodes, shape (K, M); without them the Gaussians are taken.
+        node_models: Matrices and vectors by name, shape (models, ...); none of them for output blending.
+    """
+    if node_weights is None:
+        arrays = {"log_weights": _flat(log_weight_coefficients(partition))}
+    else:
+        arrays = {"node_weights": np.ascontiguousarray(node_weights).ravel()}
+    for name, values in (node_models or {}).items():
+        columns = values.transpose(0, 2, 1) if values.ndim == 3 else values
+        arrays[name] = np.ascontiguousarray(columns).ravel()
+    numbers = {**tables.numbers, "deviation_gain": partition.deviation_gain}
+    return replace(tables, numbers=numbers, arrays={**tables.arrays, **arrays})
+
+
+def _deviation_index(parameter_set: ParameterSet) -> int:
+    """Return the position of the output whose deviation also schedules; 0 when there is none."""
+    output = parameter_set.partition.deviation_output
+    return 0 if output is None else [signal.name for signal in parameter_set.outputs].index(output)
 
 
 def _flat(rows: Sequence[float] | Sequence[Sequence[float]]) -> Array:

@@ -19,8 +19,10 @@ from fmu_builder.parameter_set.components import (
     Quantity,
     StaticMap,
     SurrogateParameters,
+    Validity,
     nested,
 )
+from fmu_builder.parameter_set.consistency import warp_rises
 from fmu_builder.parameter_set.model import ParameterSet, load, model_hash, save
 
 __all__ = [
@@ -38,9 +40,11 @@ __all__ = [
     "Quantity",
     "StaticMap",
     "SurrogateParameters",
+    "Validity",
     "canonical_json",
     "load",
     "model_hash",
     "nested",
     "save",
+    "warp_rises",
 ]

@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from fmu_builder.errors import Problem
+from fmu_builder.files import unwritable_character
 from fmu_builder.parameter_set.components import DerivedOutput, InputSignal, LocalLinearModel, OutputSignal
 from fmu_builder.parameter_set.consistency import Parts, consistency_problems
 
@@ -37,8 +38,9 @@ def problems_of(content: Mapping[str, Any], fields: Mapping[str, FieldInfo]) -> 
         content: Field name to value, as read from JSON or passed to the constructor.
         fields: The fields of the parameter set.
     """
-    if content.get("format", FORMAT) != FORMAT:
-        what = f"format version {content['format']!r} is unknown"
+    version = content.get("format", FORMAT)
+    if type(version) is not int or version != FORMAT:
+        what = f"format version {version!r} is unknown"
         return [Problem("format", what, f"Use a program that knows it, or a file of format {FORMAT}")]
     problems = [Problem(name, "unknown field", "Remove it") for name in content if name not in fields]
     read: dict[str, Any] = {}
@@ -57,11 +59,8 @@ def problems_of(content: Mapping[str, Any], fields: Mapping[str, FieldInfo]) -> 
             read[name] = _read(
                 TypeAdapter(cast(Any, field.rebuild_annotation())), content[name], name, problems
             )
-    problems += [
-        Problem(place, f"is {number!r}, not a finite number", "Give a finite number")
-        for name in sorted(read)
-        for place, number in _non_finite(read[name], name)
-    ]
+    for name in sorted(read):
+        problems += _unusable(read[name], name)
     problems += consistency_problems(Parts(read))
     return problems
 
@@ -95,17 +94,27 @@ def _problem(place: str, error: Any) -> Problem:
     return Problem(where, what[:1].lower() + what[1:], "Correct it")
 
 
-def _non_finite(item: Any, place: str) -> Iterator[tuple[str, float]]:
-    """Yield the place and value of every number that is not finite."""
+def _unusable(item: Any, place: str) -> Iterator[Problem]:
+    """Yield every number that is not finite and every text that cannot go into a file."""
     if isinstance(item, float):
         if not math.isfinite(item):
-            yield place, item
+            yield Problem(place, f"is {item!r}, not a finite number", "Give a finite number")
+    elif isinstance(item, str):
+        yield from _unwritable(item, place)
     elif isinstance(item, list | tuple):
         for index, part in enumerate(item):
-            yield from _non_finite(part, f"{place}[{index}]")
+            yield from _unusable(part, f"{place}[{index}]")
     elif isinstance(item, dict):
         for key in item:
-            yield from _non_finite(item[key], f"{place}.{key}")
+            shown = key if unwritable_character(key) is None else ascii(key)
+            yield from _unwritable(key, f"{place}, key {shown}")
+            yield from _unusable(item[key], f"{place}.{shown}")
     elif hasattr(type(item), "model_fields"):
         for name in type(item).model_fields:
-            yield from _non_finite(getattr(item, name), f"{place}.{name}")
+            yield from _unusable(getattr(item, name), f"{place}.{name}")
+
+
+def _unwritable(text: str, place: str) -> Iterator[Problem]:
+    found = unwritable_character(text)
+    if found is not None:
+        yield Problem(place, f"holds the character {found}, which XML cannot carry", "Leave it out")

@@ -22,6 +22,8 @@ Number = Annotated[float, Field(strict=True), BeforeValidator(_plain)]
 Text = Annotated[str, Field(strict=True)]
 Vector = Annotated[tuple[Number, ...], BeforeValidator(_plain)]
 Matrix = Annotated[tuple[Vector, ...], BeforeValidator(_plain)]
+Validity = Literal["gaussian", "hat_clamped", "hat", "cubic", "cubic_warp"]
+"""Kinds of validity functions; see `Partition`."""
 
 
 def nested(array: NDArray[np.float64]) -> Any:
@@ -73,19 +75,29 @@ class Partition(Part):
         scheduling: Name of the input that schedules.
         range: Ends of the operating range; beyond them the scheduling variable is clipped for the weights.
         validity: "gaussian" (normalised Gaussians, thesis eq. 3.10-3.11), "hat" (linear interpolation between
-            the centres, continued to the ends of the range) or "hat_clamped" (constant beyond the outer
-            centres).
+            the centres, continued to the ends of the range), "hat_clamped" (constant beyond the outer
+            centres), "cubic" (cubic interpolation between the centres) or "cubic_warp" (cubic over the warped
+            variable e + v0 (e - e_mid)^2 + v1 (e - e_mid)^3, e_mid being the middle of the range). Cubic
+            weights may be negative; all weights sum to 1.
         centres: One per local model, ascending, in units of the scheduling input.
         spreads: One per local model; Gaussians only.
         k_sigma: The standard deviation is k_sigma times the spread; Gaussians only.
+        warp: v0 and v1, one and two over the unit of the scheduling input and its square; "cubic_warp" only.
+            The warped variable rises over the whole range.
+        deviation_output: Name of an output whose deviation from rest is added to the scheduling variable,
+            None for no such addition.
+        deviation_gain: kappa of r_n = s_n + kappa (y - y_rest) from the last tick; 0 without an output.
     """
 
     scheduling: Text
     range: tuple[Number, Number]
-    validity: Literal["gaussian", "hat_clamped", "hat"]
+    validity: Validity
     centres: Vector
     spreads: Vector | None = None
     k_sigma: Number | None = None
+    warp: tuple[Number, Number] | None = None
+    deviation_output: Text | None = None
+    deviation_gain: Number = 0.0
 
 
 class LocalLinearModel(Part):

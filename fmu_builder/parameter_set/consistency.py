@@ -21,6 +21,7 @@ from fmu_builder.parameter_set.components import (
     Partition,
     StaticMap,
 )
+from fmu_builder.parameter_set.magnitudes import magnitude_problems
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _LONGEST_NAME = 55  # the strictest importer's limit
@@ -63,6 +64,7 @@ def consistency_problems(parts: Parts) -> list[Problem]:
         *_node_table(parts),
         *_offsets(parts),
         *_derived_outputs(parts),
+        *magnitude_problems(parts.read),
     ]
 
 
@@ -139,6 +141,47 @@ def _partition(parts: Parts) -> Iterator[Problem]:
                 yield Problem(f"partition.spreads[{index}]", f"is {spread!r}", "Give a positive spread")
     if partition.k_sigma is not None and partition.k_sigma <= 0.0:
         yield Problem("partition.k_sigma", f"is {partition.k_sigma!r}", "Give a positive factor")
+    yield from _warp(partition)
+    yield from _deviation(partition, parts)
+
+
+def _warp(partition: Partition) -> Iterator[Problem]:
+    """The warp belongs to its validity, and the warped variable rises."""
+    wanted = partition.validity == "cubic_warp"
+    if (partition.warp is None) == wanted:
+        what = "is missing" if wanted else f"does not belong to validity {partition.validity!r}"
+        yield Problem("partition.warp", what, "Give it for 'cubic_warp', and only for it")
+    if partition.warp is None:
+        return
+    if not warp_rises(partition.warp, 0.5 * (partition.range[1] - partition.range[0])):
+        what = f"{list(partition.warp)} makes the warped variable fall within the range"
+        yield Problem("partition.warp", what, "Give smaller numbers")
+
+
+def warp_rises(warp: tuple[float, float], reach: float) -> bool:
+    """Return whether e + v0 (e - e_mid)^2 + v1 (e - e_mid)^3 rises from e_mid - reach to e_mid + reach."""
+    quadratic, cubic = warp
+    turning = -quadratic / (3.0 * cubic) if cubic != 0.0 else reach
+    places = (-reach, reach, min(max(turning, -reach), reach))
+    return all(1.0 + 2.0 * quadratic * d + 3.0 * cubic * d * d > 0.0 for d in places)
+
+
+def _deviation(partition: Partition, parts: Parts) -> Iterator[Problem]:
+    """A deviation in the schedule needs an output, a node table of models and a scheduled equilibrium."""
+    output, gain = partition.deviation_output, partition.deviation_gain
+    names = parts.names_of("outputs")
+    if output is not None and names and output not in names and None not in parts.list_of("outputs"):
+        yield Problem("partition.deviation_output", f"{output!r} is not an output", f"Name one of {names}")
+    if gain == 0.0:
+        return
+    if output is None:
+        what = f"is {gain!r}, but no output is named"
+        yield Problem("partition.deviation_gain", what, "Name the output in deviation_output, or give 0")
+    offsets: Offsets | None = parts.read.get("offsets")
+    equilibrium = offsets is None or offsets.kind == "scheduled_equilibrium"
+    if not equilibrium or partition.validity == "gaussian" or parts.read.get("blending") == "output":
+        what = f"is {gain!r}: only parameters of a node table about a scheduled equilibrium know deviations"
+        yield Problem("partition.deviation_gain", what, "Give 0, or change blending, validity or offsets")
 
 
 def _local_models(parts: Parts) -> Iterator[Problem]:

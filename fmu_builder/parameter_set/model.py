@@ -172,7 +172,7 @@ def load(path: Path) -> ParameterSet:
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as reason:
+    except (OSError, ValueError, RecursionError) as reason:  # text, syntax, digits; nesting
         mend = "Give the path of a parameter set written by this program"
         raise ParameterSetError.of(str(path), f"cannot be read as JSON ({reason})", mend) from reason
     if not isinstance(content, dict):

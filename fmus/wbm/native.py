@@ -36,6 +36,7 @@ _ROOT = Path(fmu_builder.__file__).parent
 INCLUDE = (C_FOLDER, _ROOT / "kernel" / "c", _ROOT / "fmi2" / "c")
 Array = NDArray[np.float64]
 _MESSAGE_SIZE = 513
+_LONGEST_SAMPLE_TICKS = 2.0**31
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,8 @@ def simulate(
     u = np.ascontiguousarray(inputs, dtype=np.float64)
     if u.ndim != 2 or u.shape[1] != len(INPUTS) or not u.shape[0]:
         raise FmuError.of("inputs", f"has shape {u.shape}, expected (rows, 2)", "Pass the columns eta, M_pa")
-    ticks = round(sample_time / inner_step)
+    possible = 0.0 < inner_step <= sample_time <= _LONGEST_SAMPLE_TICKS * inner_step
+    ticks = round(sample_time / inner_step) if possible else 0
     if ticks < 1 or abs(ticks * inner_step - sample_time) > 1e-9 * sample_time:
         what = f"{sample_time} s is no whole multiple of the inner step {inner_step} s"
         raise FmuError.of("sample_time", what, "Choose a step that divides it")

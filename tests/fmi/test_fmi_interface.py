@@ -46,6 +46,8 @@ def _interface(*variables: Variable, **keywords: object) -> Interface:
         (Variable("v", minimum=2.0, maximum=1.0), "minimum 2.0 above maximum 1.0"),
         (Variable("v", maximum=float("inf")), "maximum that is not finite"),
         (Variable("v", nominal=0.0), "has nominal 0.0"),
+        (Variable("v", description="a\x01b"), "has a text with \\x01, which XML cannot carry"),
+        (Variable("v", type="Enumeration", enumeration=("\ufffe",)), "has a text with \\ufffe"),
         (Variable("v", type="Enumeration"), "without items"),
         (Variable("v", type="Enumeration", enumeration=("a", "a")), "repeated"),
         (Variable("v", enumeration=("a",)), "has items but the type Real"),
@@ -65,8 +67,8 @@ def test_wrong_variable_is_refused(variable: Variable, words: str) -> None:
 def test_all_problems_are_named_at_once() -> None:
     wrong = (Variable("1x", unit="ell"), Variable("u", causality="input"), OUTPUT, OUTPUT)
     with pytest.raises(BuildError) as caught:
-        _interface(*wrong, model_identifier="a b", default_step=0.0, stop_time=float("nan"))
-    assert len(caught.value.problems) == 8, str(caught.value)
+        _interface(*wrong, model_identifier="a b", author="\x00", default_step=0.0, stop_time=float("nan"))
+    assert len(caught.value.problems) == 9, str(caught.value)
 
 
 def test_states_need_derivatives() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fmi import lti
 from fmi.conftest import GUID
 from fmi.lti import VR
-from fmi.raw import OK, Slave, load
+from fmi.raw import ERROR, OK, Slave, load
 from fmu_builder.compiler import host_platform
 from fmu_builder.fmi2 import C_FOLDER
 from tolerances import BITS
@@ -192,6 +192,18 @@ def check_derivatives_last_one_step(library: ctypes.CDLL) -> None:
     after = slave.get(STATES)
     slave.free()
     assert after == lti.tick(lti.tick(before, lti.START), lti.START)
+
+
+def test_a_derivative_out_of_the_range_of_numbers_is_refused(new_slave: Callable[..., Slave]) -> None:
+    slave = new_slave().start()
+    assert slave.slope([VR["load"]], [-1e308]) == OK
+    assert slave.step(0.0, 0.5) == OK
+    assert slave.set([VR["load"]], [1.0]) == OK
+    assert slave.slope([VR["load"]], [1e308]) == OK
+    assert slave.step(0.5, 2.0) == ERROR
+    assert "the derivative of load leads out of the range of numbers" in slave.last_error()
+    assert slave.slope([VR["load"]], [0.0]) == OK
+    assert slave.step(0.5, 2.0) == OK
 
 
 def test_input_derivatives_last_one_step(lti_library: ctypes.CDLL) -> None:

@@ -145,7 +145,17 @@ def test_nothing_is_written_where_nothing_can_be_written(tmp_path: Path) -> None
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize("text", ['{"format": 1, "name"', "[1, 2]", "", "\x00"])
+NO_PARAMETER_SETS = {
+    "cut": '{"format": 1, "name"',
+    "list": "[1, 2]",
+    "empty": "",
+    "zero byte": "\x00",
+    "too deep": "[" * 100_000,
+    "too many digits": '{"sample_time": ' + "9" * 5000 + "}",
+}
+
+
+@pytest.mark.parametrize("text", NO_PARAMETER_SETS.values(), ids=NO_PARAMETER_SETS)
 def test_a_file_that_is_no_parameter_set_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "set.json"
     path.write_text(text)

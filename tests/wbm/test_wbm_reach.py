@@ -90,7 +90,10 @@ def test_a_linkage_that_does_not_close_is_refused() -> None:
         native.equilibrium(parameter_sets()["A"].changed(c=5.0), (1.5, 1310.9))
 
 
-@pytest.mark.parametrize(("sample_time", "inner_step"), [(1e-3, 7e-4), (1e-3, 2e-3), (0.02, 0.02)])
+@pytest.mark.parametrize(
+    ("sample_time", "inner_step"),
+    [(1e-3, 7e-4), (1e-3, 2e-3), (0.02, 0.02), (1e-3, 0.0), (1e-3, np.nan), (np.inf, 5e-4), (1e-3, 1e-320)],
+)
 def test_unsuitable_steps_are_refused(sample_time: float, inner_step: float) -> None:
     with pytest.raises(FmuError, match="inner"):
         native.simulate(parameter_sets()["A"], [[1.5, 1310.9]], sample_time, inner_step)

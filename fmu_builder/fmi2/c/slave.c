@@ -131,6 +131,20 @@ static int slave_start(Slave *slave, Message *message)
     return 0;
 }
 
+/** whether the input derivatives lead to finite inputs for every tick of a step; the last one may lie a tick behind it */
+static int slave_check_advance(const Slave *slave, double step, Message *message)
+{
+    for (unsigned k = 0; k < INPUT_COUNT; ++k) {
+        if (!is_finite(slave->values[k] + slave->input_derivative[k] * (step + slave->sample_time))) {
+            message_append(message, "the derivative of ");
+            message_append(message, variable_name[k]);
+            message_append(message, " leads out of the range of numbers within the step");
+            return 1;
+        }
+    }
+    return 0;
+}
+
 /** whether a step from `time` over `step` can be taken */
 static int slave_check_step(const Slave *slave, double time, double step, Message *message)
 {
@@ -156,7 +170,7 @@ static int slave_check_step(const Slave *slave, double time, double step, Messag
     } else if ((time + step - slave->start_time) / slave->sample_time > LARGEST_TICK) {
         message_append(message, "the step is too long to count its ticks");
     } else {
-        return 0;
+        return slave_check_advance(slave, step, message);
     }
     return 1;
 }

@@ -6,11 +6,30 @@
    tests/kernel/test_elementary.py holds them to 1); sqrt is the IEEE instruction, correctly rounded. Every function
    is `static inline`, so that a model that needs only some of them compiles without warnings. */
 
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF /* for the rest of the translation unit; gcc knows only -ffp-contract=off */
+#endif
+
 #if defined(_MSC_VER) && !defined(__clang__)
 #include <math.h>
 #define ELEMENTARY_SQUARE_ROOT sqrt
 #else
-#define ELEMENTARY_SQUARE_ROOT __builtin_sqrt /* gcc needs -fno-math-errno, or -lm for a call that is never made */
+#define ELEMENTARY_SQUARE_ROOT elementary_instruction
+/* The processor's instruction. Without -fno-math-errno the builtin is a call into libm, so that sources compiled by
+   somebody else would not link without it. */
+static inline double elementary_instruction(double x) {
+#if defined(__SSE2__) && !defined(__NO_MATH_ERRNO__)
+    double root;
+    __asm__("sqrtsd %1, %0" : "=x"(root) : "x"(x));
+    return root;
+#elif defined(__aarch64__) && !defined(__NO_MATH_ERRNO__)
+    double root;
+    __asm__("fsqrt %d0, %d1" : "=w"(root) : "w"(x));
+    return root;
+#else
+    return __builtin_sqrt(x);
+#endif
+}
 #endif
 
 typedef union {

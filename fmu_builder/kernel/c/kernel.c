@@ -7,7 +7,7 @@
 static inline int kernel_state_size(const Tables *t) {
     int local_states = t->blending == BLENDING_OUTPUT ? t->local_models * t->states : t->states;
     int wide = t->states > t->outputs ? t->states : t->outputs;
-    return local_states + t->local_models + t->outputs + t->inputs * t->outputs + t->states + 3 /* carried */
+    return local_states + t->local_models + t->outputs + t->inputs * t->outputs + t->states + 4 /* carried */
            + 2 + 2 * t->inputs + 3 * t->states + wide + t->states * t->states; /* scratch */
 }
 
@@ -21,7 +21,8 @@ static inline KernelView kernel_view(const Tables *t, double *state) {
     v.g_held = v.feedthrough + t->inputs * t->outputs;
     v.scheduling_held = v.g_held + t->states;
     v.low_pass = v.scheduling_held + 1;
-    v.in_range = v.low_pass + 1;
+    v.deviation_held = v.low_pass + 1;
+    v.in_range = v.deviation_held + 1;
     v.pair = v.in_range + 1;
     v.deviation = v.pair + 2;
     v.x0 = v.deviation + t->inputs;
@@ -31,6 +32,12 @@ static inline KernelView kernel_view(const Tables *t, double *state) {
     v.next = v.product + (t->states > t->outputs ? t->states : t->outputs);
     v.matrix = v.next + t->states;
     return v;
+}
+
+/* Zero in place of what is too small to matter: nothing that decays may end among the denormal numbers, with which
+   some processors compute a hundred times slower, and where rounding keeps it for ever. NaN stays. */
+static inline double kernel_significant(double value) {
+    return value < KERNEL_SMALLEST && value > -KERNEL_SMALLEST ? 0.0 : value;
 }
 
 static inline double kernel_clip(double value, double low, double high) {
@@ -63,7 +70,7 @@ static inline void kernel_between(
     for (i = 0; i < length; ++i) result[i] = (1.0 - fraction) * left[i] + fraction * right[i];
 }
 
-/* phi_i = exp(l_i - max l) / sum exp(l_k - max l), l_i = (curvature_i d + slope_i) d + constant_i */
+/* phi_i = exp(l_i - max l) / sum exp(l_k - max l), l_i = (curvature_i d + slope_i) d + constant_i; 0 where too small */
 static inline void kernel_gaussian_weights(const Tables *t, double r, double *restrict weights) {
     double d = r - t->range_middle;
     double highest, sum = 0.0, inverse;
@@ -74,7 +81,10 @@ static inline void kernel_gaussian_weights(const Tables *t, double r, double *re
     }
     highest = weights[0];
     for (i = 1; i < t->local_models; ++i) highest = weights[i] > highest ? weights[i] : highest;
-    for (i = 0; i < t->local_models; ++i) weights[i] = elementary_exp(weights[i] - highest);
+    for (i = 0; i < t->local_models; ++i) {
+        int nothing = weights[i] - highest < KERNEL_LOG_SMALLEST;
+        weights[i] = nothing ? 0.0 : elementary_exp(weights[i] - highest);
+    }
     for (i = 0; i < t->local_models; ++i) sum += weights[i];
     inverse = 1.0 / sum;
     for (i = 0; i < t->local_models; ++i) weights[i] *= inverse;
@@ -166,7 +176,7 @@ static inline void kernel_advance(const Tables *t, const KernelView *v, const Ke
                 source = kernel_shifted(t, v, x, t->x0 + k * t->states);
             }
             kernel_transition(t, k, source, v->deviation, v->next);
-            for (i = 0; i < t->states; ++i) x[i] = v->next[i];
+            for (i = 0; i < t->states; ++i) x[i] = kernel_significant(v->next[i]);
         }
         return;
     }
@@ -181,7 +191,7 @@ static inline void kernel_advance(const Tables *t, const KernelView *v, const Ke
         kernel_transition(t, blend->first + k, source, v->deviation, v->product);
         for (i = 0; i < t->states; ++i) v->next[i] += blend->weights[k] * v->product[i];
     }
-    for (i = 0; i < t->states; ++i) v->x[i] = v->next[i];
+    for (i = 0; i < t->states; ++i) v->x[i] = kernel_significant(v->next[i]);
 }
 
 /* held = y_op, or y_e(position) where there is a static map, or zero for affine offsets (y0 follows) */
@@ -199,12 +209,18 @@ static inline void kernel_rest(const Tables *t, const KernelView *v) {
     }
 }
 
+/* s, or s + kappa (C x)_j with the deviation of the last tick */
+static inline double kernel_scheduling(const Tables *t, const KernelView *v, double s) {
+    return t->deviation_gain != 0.0 ? s + t->deviation_gain * v->deviation_held[0] : s;
+}
+
 /* held += weight (C x [+ y0 + D (u_op - u0)]) of one model, the brackets for affine offsets: then u_ref is u_op */
 static inline void kernel_hold_model(
     const Tables *t, const KernelView *v, int model, double weight, const double *x, const double *u0) {
     int i;
     for (i = 0; i < t->outputs; ++i) v->product[i] = 0.0;
     kernel_multiply(t->C + model * t->states * t->outputs, t->outputs, t->states, x, v->product);
+    if (t->deviation_gain != 0.0) v->deviation_held[0] += weight * v->product[t->deviation_output];
     if (t->offsets == OFFSETS_AFFINE) {
         const double *y0 = t->y0 + model * t->outputs;
         for (i = 0; i < t->outputs; ++i) v->product[i] += y0[i];
@@ -223,6 +239,7 @@ static inline void kernel_hold(const Tables *t, const KernelView *v, const Kerne
     const double *source = v->x;
     int k;
     kernel_rest(t, v);
+    v->deviation_held[0] = 0.0;
     if (t->feedthrough) kernel_blended(blend, t->D, t->inputs * t->outputs, v->feedthrough);
     if (t->blending == BLENDING_OUTPUT) {
         for (k = 0; k < t->local_models; ++k) {
@@ -269,8 +286,10 @@ static inline void kernel_tick(const Tables *t, double *state, const double *inp
     double s = inputs[t->scheduling];
     double change = s - v.scheduling_held[0];
     KernelBlend blend;
-    if (t->offsets == OFFSETS_LOW_PASS) v.low_pass[0] += t->low_pass_gain * (s - v.low_pass[0]);
-    blend = kernel_schedule(t, &v, t->offsets == OFFSETS_LOW_PASS ? v.low_pass[0] : s);
+    if (t->offsets == OFFSETS_LOW_PASS) {
+        v.low_pass[0] = kernel_significant(v.low_pass[0] + t->low_pass_gain * (s - v.low_pass[0]));
+    }
+    blend = kernel_schedule(t, &v, t->offsets == OFFSETS_LOW_PASS ? v.low_pass[0] : kernel_scheduling(t, &v, s));
     v.scheduling_held[0] = s;
     v.in_range[0] = kernel_in_range(t, inputs);
     if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_rebase(t, &v, &blend, change);
@@ -287,19 +306,14 @@ static inline int kernel_settle(const Tables *t, const KernelView *v, const Kern
     return linear_solve(v->matrix, n, x);
 }
 
-/* The steady state for the inputs; 1 = there is none. Fills the whole state array. */
-static inline int kernel_start(const Tables *t, double *state, const double *inputs) {
-    KernelView v = kernel_view(t, state);
-    double s = inputs[t->scheduling];
-    KernelBlend blend;
+/* x of the steady state for the inputs with the schedule as it stands, outputs included; 1 = there is none. */
+static inline int kernel_settled(const Tables *t, const KernelView *v, double *state, const double *inputs) {
+    int local_states = t->blending == BLENDING_OUTPUT ? t->local_models * t->states : t->states;
+    KernelBlend blend = kernel_schedule(t, v, kernel_scheduling(t, v, inputs[t->scheduling]));
     int failed = 0;
     int i, k;
-    for (i = 0; i < kernel_state_size(t); ++i) state[i] = 0.0;
-    v.low_pass[0] = s;
-    v.scheduling_held[0] = s;
-    v.in_range[0] = kernel_in_range(t, inputs);
-    blend = kernel_schedule(t, &v, s);
-    kernel_advance(t, &v, &blend, inputs);
+    for (i = 0; i < local_states; ++i) state[i] = 0.0;
+    kernel_advance(t, v, &blend, inputs);
     if (t->blending == BLENDING_OUTPUT) {
         for (k = 0; k < t->local_models && !failed; ++k) {
             const double one = 1.0;
@@ -307,13 +321,33 @@ static inline int kernel_start(const Tables *t, double *state, const double *inp
             alone.first = k;
             alone.count = 1;
             alone.weights = &one;
-            failed = kernel_settle(t, &v, &alone, v.x + k * t->states);
+            failed = kernel_settle(t, v, &alone, v->x + k * t->states);
         }
     } else {
-        failed = kernel_settle(t, &v, &blend, v.x);
-        if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_blended(&blend, t->g, t->states, v.g_held);
+        failed = kernel_settle(t, v, &blend, v->x);
+        if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_blended(&blend, t->g, t->states, v->g_held);
     }
-    kernel_hold(t, &v, &blend);
+    kernel_hold(t, v, &blend);
+    return failed;
+}
+
+/* The steady state for the inputs; 1 = there is none. Fills the whole state array. */
+static inline int kernel_start(const Tables *t, double *state, const double *inputs) {
+    KernelView v = kernel_view(t, state);
+    double before;
+    int failed, pass;
+    int i;
+    for (i = 0; i < kernel_state_size(t); ++i) state[i] = 0.0;
+    v.low_pass[0] = inputs[t->scheduling];
+    v.scheduling_held[0] = inputs[t->scheduling];
+    v.in_range[0] = kernel_in_range(t, inputs);
+    failed = kernel_settled(t, &v, state, inputs);
+    if (t->deviation_gain == 0.0) return failed;
+    for (pass = 1; pass < KERNEL_START_PASSES && !failed; ++pass) {
+        before = v.deviation_held[0];
+        failed = kernel_settled(t, &v, state, inputs);
+        if (v.deviation_held[0] == before) break;
+    }
     return failed;
 }
 

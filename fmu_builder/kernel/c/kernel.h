@@ -4,6 +4,10 @@
    Notation: n states, m inputs, p outputs, R derived outputs, M local models; tick t_n -> t_n+1 with the inputs u_n that
    were in force at t_n; s_n the scheduling input among them; r = s clipped to the range; phi_i(r) the weights.
 
+   Deviation in the schedule, for parameters blended from a node table about a scheduled equilibrium:
+     r = s_n + kappa (C x)_j clipped to the range, (C x)_j being the deviation of output j from rest as of the last tick;
+   kappa = 0 leaves it out.
+
    Weights (thesis eq. 3.10-3.11). Gaussian: phi_i = exp(l_i - max l) / sum_k exp(l_k - max l) with the parabolas
      l_i = (curvature_i d + slope_i) d + constant_i, d = r - middle of the range;
    a term common to all l_i is left out (it cancels), so equal widths give straight lines. All other kinds: linear
@@ -27,7 +31,11 @@
    the place of the scheduling input, for affine u0. Derived outputs: sum of coefficient * signal over outputs and inputs,
    the inputs being those set last.
 
-   Start: the steady state for the inputs, from (I - A) x = right-hand side by Gaussian elimination with row pivoting.
+   Start: the steady state for the inputs, from (I - A) x = right-hand side by Gaussian elimination with row pivoting;
+   with kappa repeated with the deviation found, until it stays or KERNEL_START_PASSES are done.
+
+   Small numbers: at a tick, states, l and Gaussian weights below KERNEL_SMALLEST in size become zero, so that a model at
+   rest computes as fast as a model in motion: there are no denormal numbers in it, and products with them stay normal.
 
    Order: sums run over the index, matrices are applied model by model and then weighted: sum_a w_a (A_a x + B_a u). */
 
@@ -35,7 +43,11 @@
 #define KERNEL_H
 
 enum { BLENDING_OUTPUT = 0, BLENDING_PARAMETER = 1 };
+enum { KERNEL_START_PASSES = 100 };
 enum { OFFSETS_NONE = 0, OFFSETS_AFFINE = 1, OFFSETS_LOW_PASS = 2, OFFSETS_SCHEDULED_EQUILIBRIUM = 3 };
+
+#define KERNEL_SMALLEST 1e-100       /* far below the last digit of any signal, far above the smallest normal number */
+#define KERNEL_LOG_SMALLEST (-230.0) /* exp of it is about KERNEL_SMALLEST */
 
 /* A network as numbers. Matrices are stored by columns: A[model][column][row]; an array that is not needed may be null. */
 typedef struct {
@@ -51,12 +63,14 @@ typedef struct {
     int offsets;               /* OFFSETS_... */
     int scheduling;            /* index of the scheduling input */
     int feedthrough;           /* 1 = some D is not zero */
+    int deviation_output;      /* j: the output whose deviation also schedules */
     double range_low;          /* ends of the range, unit of the scheduling input */
     double range_high;
     double range_middle;
     double low_pass_gain;      /* 1 - exp(-2 pi f Ts) */
     double node_scale;         /* (K - 1) / width: first guess of the cell */
     double map_scale;          /* (L - 1) / width */
+    double deviation_gain;     /* kappa; 0 = only the scheduling input schedules */
     const double *log_weights;             /* [M][3]: constant, slope, curvature */
     const double *node_positions;          /* [K] */
     const double *node_weights;            /* [K][M] */
@@ -88,6 +102,7 @@ typedef struct {
     double *g_held;            /* [n] blended g of the last tick */
     double *scheduling_held;   /* [1] scheduling input of the last tick */
     double *low_pass;          /* [1] l */
+    double *deviation_held;    /* [1] (C x)_j of the last tick; 0 without kappa */
     double *in_range;          /* [1] 1.0 when the inputs of the last tick lie in the trained range, else 0.0 */
     double *pair, *deviation, *x0, *u0, *shift, *product, *next, *matrix;
 } KernelView;

@@ -91,13 +91,11 @@ def generate(
 ) -> None:
     """Make reference data: drive any FMU, or read recorded files, by a settings file."""
     from cosimulation.generate import generate_data
-    from cosimulation.settings import GenerateSettings, load_settings
+    from cosimulation.settings import GenerateSettings, load_settings, with_flags
 
     chosen = load_settings(GenerateSettings, settings)
-    changes: dict[str, object] = {"seed": seed, "output": output}
-    if reference is not None:
-        changes["reference"] = chosen.reference.model_copy(update={"fmu": reference, "data": {}})
-    chosen = chosen.model_copy(update={key: value for key, value in changes.items() if value is not None})
+    fmu = None if reference is None else chosen.reference.model_copy(update={"fmu": reference})
+    chosen = with_flags(chosen, seed=seed, output=output, reference=fmu)
     folder = generate_data(chosen, reporter=_reporter(as_json))
     _print({"data": str(folder)}, as_json, f"reference data: {folder}")
 
@@ -115,10 +113,9 @@ def identify(
 ) -> None:
     """Identify a local linear model network from reference data."""
     from cosimulation.identify import IdentifySettings, identify_from_folder
-    from cosimulation.settings import load_settings
+    from cosimulation.settings import load_settings, with_flags
 
-    changes = {key: value for key, value in {"data": data, "output": output}.items() if value is not None}
-    chosen = load_settings(IdentifySettings, settings).model_copy(update=changes)
+    chosen = with_flags(load_settings(IdentifySettings, settings), data=data, output=output)
     result = identify_from_folder(chosen, reporter=_reporter(as_json))
     _print(result.summary(), as_json, result.text())
 
@@ -175,6 +172,31 @@ def validate(
     _print(result.summary(), as_json, result.text())
 
 
+@app.command()
+def study(
+    name: Annotated[str, typer.Argument(help="order or blending.", show_default=False)],
+    settings: Annotated[
+        Path | None,
+        typer.Option(help="Settings file that stands in for the one that comes with it.", show_default=False),
+    ] = None,
+    seed: Annotated[
+        list[int] | None, typer.Option(help="Stands in for `seeds`, several allowed.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the results; runs/study-NAME by default.", show_default=False),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Run a study over several seeds and compare its figures with its limits."""
+    from cosimulation.study import run_study
+
+    result = run_study(name, output, settings, tuple(seed or ()), _reporter(as_json))
+    _print(result.summary(), as_json, result.text())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
 def main() -> None:
     """Run the command; every error a user can mend is one message and exit status 1."""
     try:
@@ -182,4 +204,15 @@ def main() -> None:
     except LlmnError as error:
         for problem in error.problems:
             print(f"llmn: {problem}", file=sys.stderr)
+        sys.exit(1)
+    except MemoryError as reason:
+        print(
+            f"llmn: memory: does not suffice ({reason}). Shorten the data or the settings.", file=sys.stderr
+        )
+        sys.exit(1)
+    except OSError as reason:
+        print(
+            f"llmn: {reason.filename or 'output'}: {reason.strerror or reason}. Check disk and rights.",
+            file=sys.stderr,
+        )
         sys.exit(1)

@@ -102,12 +102,14 @@ def load_data_folder(folder: Path) -> DataFolder:
     place = folder / INDEX
     try:
         index = json.loads(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as reason:
+    except (OSError, ValueError, RecursionError) as reason:
         mend = "Give a folder written by llmn generate"
         raise DataError.of(str(place), f"cannot be read ({reason})", mend) from reason
     try:
         return _from_index(folder, index)
-    except (KeyError, TypeError, IndexError) as reason:
+    except DataError:
+        raise
+    except (KeyError, TypeError, IndexError, ValueError, AttributeError) as reason:
         mend = "Generate the data again"
         raise DataError.of(str(place), f"is incomplete ({reason!r})", mend) from reason
 
@@ -128,17 +130,20 @@ def _from_index(folder: Path, index: Mapping[str, Any]) -> DataFolder:
         if data.content_hash != entry["content_hash"]:
             what = "is not the data that data.json names (another content hash)"
             problems.append(Problem(str(folder / entry["file"]), what, "Generate the data again"))
-        experiments.append(Experiment(entry["name"], entry["kind"], entry["split"], entry["height"], data))
+        height = entry["height"] if entry["height"] is None else float(entry["height"])
+        experiments.append(Experiment(entry["name"], entry["kind"], entry["split"], height, data))
     if problems:
         raise DataError(problems)
     table = index["static_map"]
     static_map = table and StaticMap(
-        np.asarray(table["positions"]), np.asarray(table["values"]), tuple(table["outputs"])
+        np.asarray(table["positions"], dtype=np.float64),
+        np.asarray(table["values"], dtype=np.float64),
+        tuple(table["outputs"]),
     )
     return DataFolder(
         tuple(index["inputs"]),
         tuple(index["outputs"]),
         tuple(experiments),
         static_map or None,
-        index["origin"],
+        dict(index["origin"]),
     )

@@ -16,6 +16,7 @@ from cosimulation.generate import make_data
 from cosimulation.linearise import Linearisation, linearise
 from cosimulation.pantograph import OUTPUTS, TORQUE
 from cosimulation.progress import SILENT, Reporter
+from cosimulation.result_folder import result_folder
 from cosimulation.scoring import ScoredRun, marked_recommended, run_candidate, step_times
 from cosimulation.settings import (
     ExperimentSettings,
@@ -23,7 +24,7 @@ from cosimulation.settings import (
     Reference,
     load_shipped_settings,
 )
-from fmu_builder.files import folder_written_atomically, write_text
+from fmu_builder.files import write_text
 from fmu_builder.llmn_fmu import build_llmn
 from fmus.wbm import build_wbm
 
@@ -128,7 +129,7 @@ def run_demo(output: Path, quick: bool = False, reporter: Reporter = SILENT) -> 
     from cosimulation.report import PICTURE, write_picture, write_report
 
     clock = _Clock()
-    with folder_written_atomically(output) as folder:
+    with result_folder(output, "scores.json") as folder:
         with clock.phase("build white-box FMU"):
             white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu")
         sets = tuple(_run_set(folder, white_box, wbm, quick, clock, reporter) for wbm in WHITE_BOX_SETS)

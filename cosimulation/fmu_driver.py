@@ -72,7 +72,7 @@ class FmuInstance:
         Raises:
             FmuError: A variable is unknown, a value does not fit its type, or the FMU refuses.
         """
-        self.fmu.require(start_values)
+        self.fmu.require(start_values, table="the start values")
         self._call(self.slave.setupExperiment, "setting up the experiment", None, start_time)
         for name, value in start_values.items():
             self._set_start(name, value)
@@ -81,23 +81,44 @@ class FmuInstance:
 
     def _set_start(self, name: str, value: StartValue) -> None:
         variable = self.fmu.variable(name)
-        reference = [variable.valueReference]
-        doing = f"setting {name} = {value!r}"
+        setters = {
+            "Enumeration": self.slave.setInteger,
+            "Integer": self.slave.setInteger,
+            "Boolean": self.slave.setBoolean,
+            "String": self.slave.setString,
+        }
+        setter = setters.get(variable.type, self.slave.setReal)
+        converted = self._converted(variable, value)
+        self._call(setter, f"setting {name} = {value!r}", [variable.valueReference], [converted])
+
+    def _converted(self, variable: Any, value: StartValue) -> StartValue:
+        """Return a value as the type of a variable; text is read as a user would type it."""
         if isinstance(value, str) and variable.type == "Enumeration":
-            items = {item.name: int(item.value) for item in variable.declaredType.items}
+            items = {
+                item.name: int(item.value) for item in getattr(variable.declaredType, "items", None) or ()
+            }
             if value not in items:
-                raise FmuError.of(
-                    self.fmu.path.name, f"{name} has no item {value!r}", f"Choose of {', '.join(items)}"
-                )
-            value = items[value]
-        if variable.type in ("Enumeration", "Integer"):
-            self._call(self.slave.setInteger, doing, reference, [int(value)])
-        elif variable.type == "Boolean":
-            self._call(self.slave.setBoolean, doing, reference, [bool(value)])
-        elif variable.type == "String":
-            self._call(self.slave.setString, doing, reference, [str(value)])
-        else:
-            self._call(self.slave.setReal, doing, reference, [float(value)])
+                mend = f"Choose of {', '.join(items)}"
+                raise FmuError.of(self.fmu.path.name, f"{variable.name} has no item {value!r}", mend)
+            return items[value]
+        if variable.type == "String":
+            return str(value)
+        truth = {"true": True, "false": False, "1": True, "0": False}
+        if (
+            variable.type == "Boolean"
+            and (found := truth.get(str(value).lower().removesuffix(".0"))) is not None
+        ):
+            return found
+        try:
+            number = float("nan" if isinstance(value, bool) else value)
+        except (ValueError, OverflowError):
+            number = float("nan")
+        if variable.type in ("Enumeration", "Integer") and number.is_integer():
+            return int(number)
+        if variable.type == "Real" and np.isfinite(number):
+            return number
+        what = f"{variable.name} = {value!r} is no value of the type {variable.type}"
+        raise FmuError.of(self.fmu.path.name, what, "Give a value of this type")
 
     def get(self, names: Sequence[str]) -> FloatArray:
         """Return the present values of Real variables, in the order of `names`."""
@@ -152,8 +173,8 @@ class FmuInstance:
         Raises:
             FmuError: A variable is missing or the FMU reports an error.
         """
-        self.fmu.require(input_names, "input")
-        self.fmu.require(output_names)
+        self.fmu.require(input_names, "input", "Real")
+        self.fmu.require(output_names, kind="Real")
         first = dict(zip(input_names, inputs[0].tolist(), strict=True))
         self.initialise({**(start_values or {}), **first})
         return self._loop(np.ascontiguousarray(inputs), input_names, output_names, sample_time, progress)

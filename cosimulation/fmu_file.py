@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
+import shutil
 import stat
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -47,11 +50,23 @@ class OpenFmu:
         self.require([name])
         return next(item for item in self.description.modelVariables if item.name == name)
 
-    def require(self, names: Iterable[str], causality: str | None = None) -> None:
-        """Check that the FMU has all variables `names`, with `causality` if given.
+    def require(
+        self,
+        names: Iterable[str],
+        causality: str | None = None,
+        kind: str | None = None,
+        table: str = "signals",
+    ) -> None:
+        """Check that the FMU has all variables `names`, with `causality` and of the type `kind` if given.
+
+        Args:
+            names: What must be there.
+            causality: "input", "output", ...
+            kind: "Real", "Integer", ...
+            table: Where the user wrote the names, for messages.
 
         Raises:
-            FmuError: Names every variable that is missing or of another causality.
+            FmuError: Names every variable that is missing, of another causality or of another type.
         """
         known = {item.name: item for item in self.description.modelVariables}
         problems = []
@@ -60,12 +75,13 @@ class OpenFmu:
             if name not in known:
                 near = get_close_matches(name, list(known), n=3)
                 hint = f"did you mean {', '.join(map(repr, near))}?" if near else _inventory(known)
-                problems.append(Problem(place, "the FMU has no such variable", f"Mend [signals]: {hint}"))
+                problems.append(Problem(place, "the FMU has no such variable", f"Mend {table}: {hint}"))
             elif causality and known[name].causality != causality:
                 what = f"is of causality {known[name].causality!r}, not {causality!r}"
-                problems.append(
-                    Problem(place, what, f"Map a variable of causality {causality!r} in [signals]")
-                )
+                problems.append(Problem(place, what, f"Map a variable of causality {causality!r} in {table}"))
+            elif kind and known[name].type != kind:
+                what = f"is of type {known[name].type}, not {kind}"
+                problems.append(Problem(place, what, f"Map a variable of type {kind} in {table}"))
         if problems:
             raise FmuError(problems)
 
@@ -73,6 +89,12 @@ class OpenFmu:
 def _inventory(known: dict[str, Any]) -> str:
     usable = [name for name, item in known.items() if item.causality in ("input", "output")]
     return "its inputs and outputs are " + (", ".join(usable[:20]) or "none")
+
+
+def same_unit(one: str | None, other: str | None) -> bool:
+    """Return whether two units are one, as far as they are known: N.m, N*m and Nm are."""
+    written = str.maketrans("", "", ".*· ^")
+    return not one or not other or one.translate(written) == other.translate(written)
 
 
 def _archive_problems(path: Path, archive: zipfile.ZipFile) -> list[Problem]:
@@ -116,7 +138,14 @@ def _unpack(path: Path, folder: Path) -> None:
                 what = f"the entry {damaged!r} is damaged"
                 raise FmuError.of(str(path), what, "Copy or export the file again")
             archive.extractall(folder)
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError) as reason:
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        ValueError,
+    ) as reason:
         if isinstance(reason, FmuError):
             raise
         what = f"is not a readable FMU archive ({reason})"
@@ -145,6 +174,27 @@ def _read_description(path: Path, folder: Path) -> Any:
     return description
 
 
+_unpacked: set[Path] = set()
+"""Folders that stand; what Ctrl-C leaves of them while they are deleted goes when the program ends."""
+
+
+@atexit.register
+def _delete_unpacked() -> None:
+    for folder in _unpacked:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _temporary_folder() -> Iterator[Path]:
+    folder = Path(tempfile.mkdtemp(prefix="llmn-fmu-"))
+    _unpacked.add(folder)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        _unpacked.discard(folder)
+
+
 @contextmanager
 def open_fmu(path: Path) -> Iterator[OpenFmu]:
     """Unpack an FMU into a temporary folder for as long as the block lasts.
@@ -159,8 +209,7 @@ def open_fmu(path: Path) -> Iterator[OpenFmu]:
         FmuError: The file is missing, damaged, unsafe to unpack, not FMI 2.0 co-simulation, or has no binary
             that runs here.
     """
-    with tempfile.TemporaryDirectory(prefix="llmn-fmu-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
+    with _temporary_folder() as folder:
         _unpack(path, folder)
         description = _read_description(path, folder)
         yield OpenFmu(path, folder, description, hashlib.sha256(path.read_bytes()).hexdigest())

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from cosimulation.data_folder import DataFolder, Experiment
+from cosimulation.data_folder import INDEX, DataFolder, Experiment
 from cosimulation.fmu_driver import FloatArray, StartValue, running_fmu
-from cosimulation.fmu_file import OpenFmu, open_fmu
+from cosimulation.fmu_file import OpenFmu, open_fmu, same_unit
 from cosimulation.progress import SILENT, Reporter
+from cosimulation.result_folder import result_folder
 from cosimulation.settings import ExperimentSettings, GenerateSettings
-from fmu_builder.errors import Problem, SettingsError
-from fmu_builder.files import folder_written_atomically
+from fmu_builder.errors import DataError, Problem, SettingsError
 from identification.data_set import DataSet
 from identification.excitation import operating_point_inputs, whole_range_inputs, with_measurement_noise
 from identification.static_map import StaticMap, from_data
@@ -39,7 +39,7 @@ def generate_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> Pa
     """
     _check(settings)
     reporter.say(f"settings: {settings.model_dump_json()}")
-    with folder_written_atomically(settings.output) as folder:
+    with result_folder(settings.output, INDEX) as folder:
         make_data(settings, reporter).save(folder)
     return settings.output
 
@@ -53,8 +53,11 @@ def make_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> DataFo
     with ExitStack() as stack:
         fmu = stack.enter_context(open_fmu(settings.reference.fmu)) if settings.reference.fmu else None
         if fmu is not None:
-            fmu.require(settings.signals.inputs.values(), "input")
-            fmu.require(settings.signals.outputs.values())
+            fmu.require(settings.signals.inputs.values(), "input", "Real")
+            fmu.require(settings.signals.outputs.values(), kind="Real")
+            _require_units(
+                settings, fmu.path.name, {name: fmu.variable(name).unit for name in _mapped(settings)}
+            )
             origin["reference"] = {"model": fmu.description.modelName, "sha256": fmu.sha256}
         driven = [item for item in settings.experiments if item.file is None]
         steps = sum(round((item.duration or 0.0) / settings.excitation.sample_time) for item in driven)
@@ -82,6 +85,14 @@ def _check(settings: GenerateSettings) -> None:
             if item.file is None:
                 what = "has neither a file nor a reference FMU to drive"
                 problems.append(Problem(f"experiment {item.name!r}", what, "Give reference.fmu, or a file"))
+    others = settings.signals.others
+    if len(others) > 1 and any(item.file is None for item in settings.experiments):
+        what = f"only one input beside the height can be drawn, not {len(others)} ({', '.join(others)})"
+        mend = "Hold the rest by reference.start_values, or give recorded files"
+        problems.append(Problem("signals.inputs", what, mend))
+    for name in sorted(set(settings.static_map.operating_point) - set(others)):
+        mend = f"Name one of {', '.join(others) or 'none'}"
+        problems.append(Problem(f"static_map.operating_point.{name}", "is no input beside the height", mend))
     names = [item.name for item in settings.experiments]
     for name in sorted({name for name in names if names.count(name) > 1}):
         problems.append(
@@ -91,21 +102,42 @@ def _check(settings: GenerateSettings) -> None:
         raise SettingsError(problems)
 
 
+def _mapped(settings: GenerateSettings) -> dict[str, str]:
+    """Return the name in the FMU or file -> our name."""
+    signals = settings.signals
+    return {theirs: ours for ours, theirs in (*signals.inputs.items(), *signals.outputs.items())}
+
+
+def _require_units(settings: GenerateSettings, place: str, found: Mapping[str, str | None]) -> None:
+    """Refuse a signal whose unit contradicts that of a pantograph's signal, unless the settings state it."""
+    ours = _mapped(settings)
+    problems = []
+    for name, unit in found.items():
+        expected = "" if ours[name] in settings.signals.units else settings.signals.unit(ours[name])
+        if not same_unit(unit, expected):
+            what = f"is in {unit!r}, but {ours[name]} is in {expected!r}"
+            mend = f"Convert it, or say what it is in: signals.units = {{ {ours[name]} = ... }}"
+            problems.append(Problem(f"{place}, {name!r}", what, mend))
+    if problems:
+        raise DataError(problems)
+
+
 def _units(settings: GenerateSettings, names: Sequence[str]) -> tuple[str, ...]:
-    return tuple(settings.signals.units.get(name, "") for name in names)
+    return tuple(settings.signals.unit(name) for name in names)
 
 
 def _inputs(settings: GenerateSettings, item: ExperimentSettings, index: int) -> DataSet:
-    duration = item.duration or 0.0
-    stream = (index,)
+    """Return drawn inputs: the path of the height, and the steps of the other input if there is one."""
+    duration, chosen = item.duration or 0.0, settings.excitation
     if item.kind == "operating_point":
         height = item.height or 0.0
-        return operating_point_inputs(
-            height, settings.seed, stream, duration, settings=settings.excitation, name=item.name
-        )
-    return whole_range_inputs(
-        settings.seed, stream, duration, item.low, item.high, settings=settings.excitation, name=item.name
-    )
+        drawn = operating_point_inputs(height, settings.seed, (index,), duration, chosen, item.name)
+    else:
+        limits = (item.low, item.high)
+        drawn = whole_range_inputs(settings.seed, (index,), duration, *limits, chosen, item.name)
+    names = (settings.signals.scheduling, *settings.signals.others)
+    values = drawn.values[:, : len(names)]
+    return DataSet(item.name, drawn.sample_time, names, _units(settings, names), values, drawn.header)
 
 
 def _simulated(
@@ -144,9 +176,9 @@ def _recorded(settings: GenerateSettings, item: ExperimentSettings) -> Experimen
     """Read a file and give its columns our names."""
     mapping = {**settings.signals.inputs, **settings.signals.outputs}
     recorded = DataSet.load(item.file or Path()).select(mapping.values())
+    _require_units(settings, str(item.file), dict(zip(recorded.names, recorded.units, strict=True)))
     units = tuple(
-        unit or settings.signals.units.get(name, "")
-        for name, unit in zip(mapping, recorded.units, strict=True)
+        settings.signals.unit(name) or unit for name, unit in zip(mapping, recorded.units, strict=True)
     )
     data = DataSet(item.name, recorded.sample_time, tuple(mapping), units, recorded.values, recorded.header)
     return Experiment(item.name, item.kind, item.split, item.height, data)
@@ -162,7 +194,7 @@ def _static_map(
     if method == "regression":
         train = [item.data for item in experiments if item.split == "train" and item.kind == "whole_range"]
         return (
-            from_data(train, scheduling_input(settings), operating_point(settings), names) if train else None
+            from_data(train, settings.signals.scheduling, operating_point(settings), names) if train else None
         )
     if fmu is None:
         mend = "Use method = 'regression'"
@@ -172,15 +204,10 @@ def _static_map(
     return StaticMap(heights, values, names)
 
 
-def scheduling_input(settings: GenerateSettings) -> str:
-    """Return the name of the input that carries the height: the first one."""
-    return next(iter(settings.signals.inputs))
-
-
 def operating_point(settings: GenerateSettings) -> dict[str, float]:
     """Return the operating point of every input but the height."""
-    height = scheduling_input(settings)
-    return {name: settings.excitation.torque for name in settings.signals.inputs if name != height}
+    known = settings.static_map.operating_point
+    return {name: known.get(name, settings.excitation.torque) for name in settings.signals.others}
 
 
 def steady_states(
@@ -198,7 +225,7 @@ def steady_states(
         FmuError: A height cannot be reached.
     """
     signals = settings.signals
-    scheduling = scheduling_input(settings)
+    scheduling = signals.scheduling
     step = settings.excitation.sample_time
     rows = round(settings.static_map.settling_time / step) if settle else 1
     values = np.empty((len(heights), len(signals.outputs)))

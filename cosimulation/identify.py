@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -86,8 +87,17 @@ class Identified:
             f"{chosen.state_count}, {chosen.blending} blending, "
             f"{chosen.partition.validity} validity, offsets {chosen.offsets.kind}"
         ]
-        lines += [f"{key}: {value}" for key, value in self.diagnostics.items()]
+        lines += [f"{key}: {_readable(value)}" for key, value in self.diagnostics.items()]
         return "\n".join([*lines, f"parameter set: {self.path}"])
+
+
+def _readable(value: Any) -> str:
+    """Return a diagnostic on one line: numbers in six digits, names and values of a table."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name.replace('_', ' ')} {_readable(item)}" for name, item in value.items()) or "-"
+    if isinstance(value, list | tuple):
+        return " | ".join(map(_readable, value)) if value else "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def derived_outputs(settings: IdentifySettings) -> tuple[DerivedOutput, ...]:

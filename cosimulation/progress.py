@@ -24,7 +24,7 @@ class Reporter:
 
     def say(self, text: str) -> None:
         """Print one line on stderr."""
-        self.console.print(text, markup=False)
+        self.console.print(text, markup=False, soft_wrap=True)
 
     @contextmanager
     def bar(self, title: str, total: int) -> Iterator[Advance]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from fmu_builder.errors import Problem, SettingsError
 from identification.excitation import ACCEPTANCE, ExcitationSettings
@@ -19,7 +20,7 @@ Model = TypeVar("Model", bound=BaseModel)
 class Section(BaseModel):
     """A table of a settings file: frozen, and no key is accepted that it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Reference(Section):
@@ -31,6 +32,12 @@ class Reference(Section):
     )
 
 
+PANTOGRAPH_UNITS = {
+    "eta": "m", "M_pa": "N.m", "xi": "m", "xi_dot": "m/s", "zeta": "m", "zeta_dot": "m/s",
+    "F_H": "N", "F_p": "N",
+}  # fmt: skip
+
+
 class Signals(Section):
     """Our signals and what the FMU or file calls them; the inputs are eta and M_pa unless said otherwise."""
 
@@ -39,11 +46,33 @@ class Signals(Section):
         default_factory=lambda: {name: name for name in ("xi", "xi_dot", "zeta", "zeta_dot", "F_H", "F_p")}
     )
     units: dict[str, str] = Field(
-        default_factory=lambda: {
-            "eta": "m", "M_pa": "N.m", "xi": "m", "xi_dot": "m/s", "zeta": "m", "zeta_dot": "m/s",
-            "F_H": "N", "F_p": "N",
-        }
-    )  # fmt: skip
+        default_factory=dict, description="of our signals, where they differ from a pantograph's"
+    )
+
+    @model_validator(mode="after")
+    def _are_signals(self) -> Signals:
+        names = [*self.inputs, *self.outputs]
+        if not self.inputs or not self.outputs:
+            raise ValueError("at least one input and one output are needed")
+        if twice := sorted(set(self.inputs) & set(self.outputs)):
+            raise ValueError(f"both an input and an output: {', '.join(twice)}")
+        if unknown := sorted(set(self.units) - set(names)):
+            raise ValueError(f"units of signals that are not mapped: {', '.join(unknown)}")
+        return self
+
+    @property
+    def scheduling(self) -> str:
+        """Our name of the input that carries the height: eta, or the first where none has that name."""
+        return "eta" if "eta" in self.inputs else next(iter(self.inputs))
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Our names of the inputs but the height."""
+        return tuple(name for name in self.inputs if name != self.scheduling)
+
+    def unit(self, name: str) -> str:
+        """Return the unit of one of our signals, "" where none is known."""
+        return self.units.get(name, PANTOGRAPH_UNITS.get(name, ""))
 
 
 Split = Literal["train", "validation", "test"]
@@ -80,7 +109,10 @@ class StaticMapSettings(Section):
     )
     low: float = 0.5
     high: float = 2.5
-    heights: int = Field(41, ge=9)
+    operating_point: dict[str, float] = Field(
+        default_factory=dict, description="of the other inputs; excitation.torque where none is given"
+    )
+    heights: int = Field(41, ge=9, le=10_000)
     settling_time: float = Field(20.0, gt=0, description="simulated at each height, method settle [s]")
 
 
@@ -102,6 +134,13 @@ class GenerateSettings(Section):
     static_map: StaticMapSettings = StaticMapSettings()
     noise: Noise = Noise()
     output: Path = Path("data")
+
+    @field_validator("excitation")
+    @classmethod
+    def _finite(cls, excitation: ExcitationSettings) -> ExcitationSettings:
+        if wrong := [name for name, value in excitation.model_dump().items() if not math.isfinite(value)]:
+            raise ValueError(f"not a finite number: {', '.join(wrong)}")
+        return excitation
 
 
 def _known_keys(model: type[BaseModel], trail: tuple[int | str, ...]) -> list[str]:
@@ -188,6 +227,16 @@ def load_settings(model: type[Model], path: Path) -> Model:
         SettingsError: See `load_toml` and `parse_settings`.
     """
     return parse_settings(model, load_toml(path), str(path))
+
+
+def with_flags(settings: Model, **flags: object) -> Model:
+    """Return settings in which flags of the command line stand in for keys; None is no flag.
+
+    Raises:
+        SettingsError: A flag has a value that the key refuses.
+    """
+    given = {key: value for key, value in flags.items() if value is not None}
+    return parse_settings(type(settings), {**dict(settings), **given}, "command line")
 
 
 STUDIES = Path(__file__).parent / "studies"

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from cosimulation.fmu_driver import FloatArray, running_fmu
-from cosimulation.fmu_file import OpenFmu, open_fmu
+from cosimulation.fmu_file import OpenFmu, open_fmu, same_unit
 from cosimulation.progress import SILENT, Reporter
-from fmu_builder.errors import DataError, Problem
+from fmu_builder.errors import DataError, Problem, SettingsError
 from fmu_builder.files import write_text
 from identification.data_set import DataSet
 from identification.scores import records
@@ -53,7 +53,8 @@ class Validation:
         lines = [f"{self.fmu}", f"{'experiment':<24}{'signal':<12}{'FIT %':>10}{'max error':>14}"]
         for item in self.records:
             fit = "-" if item["fit"] is None else f"{item['fit']:.2f}"
-            lines.append(f"{item['data_set']:<24}{item['signal']:<12}{fit:>10}{item['max_error']:>14.6g}")
+            worst = "-" if item["max_error"] is None else f"{item['max_error']:.6g}"
+            lines.append(f"{item['data_set']:<24}{item['signal']:<12}{fit:>10}{worst:>14}")
         return "\n".join(lines)
 
     def save(self, path: Path) -> None:
@@ -72,6 +73,7 @@ def mapped_signals(fmu: OpenFmu, data: DataSet) -> tuple[tuple[str, ...], tuple[
     inputs = tuple(item.name for item in real if item.causality == "input")
     outputs = tuple(item.name for item in real if item.causality == "output" and item.name in data.names)
     place = f"data set {data.name!r}"
+    units = dict(zip(data.names, data.units, strict=True))
     problems = [
         Problem(
             place, f"has no column {name!r}, an input of {fmu.path.name}", "Name the column like the input"
@@ -79,6 +81,13 @@ def mapped_signals(fmu: OpenFmu, data: DataSet) -> tuple[tuple[str, ...], tuple[
         for name in inputs
         if name not in data.names
     ]
+    for item in variables:
+        if item.causality == "input" and item.type != "Real" and item.name in data.names:
+            what = f"has a column {item.name!r}, which is an input of type {item.type} of {fmu.path.name}"
+            problems.append(Problem(place, what, "Leave the column out; only Real inputs are driven"))
+        if item.name in (*inputs, *outputs) and not same_unit(item.unit, units.get(item.name)):
+            what = f"has {item.name!r} in {units[item.name]!r}, {fmu.path.name} in {item.unit!r}"
+            problems.append(Problem(place, what, "Convert the column, and write the FMU's unit in its title"))
     if not outputs:
         offered = ", ".join(item.name for item in real if item.causality == "output")
         problems.append(
@@ -128,7 +137,11 @@ def validate_fmu(
     Raises:
         FmuError: An FMU cannot be opened or reports an error.
         DataError: An experiment cannot be read, or does not fit an FMU.
+        SettingsError: Start values without a reference FMU.
     """
+    if reference_start and reference is None:
+        mend = "Give --reference, or leave --start out"
+        raise SettingsError.of("--start", "is of the reference FMU, and there is none", mend)
     experiments = [DataSet.load(file) for file in data_files]
     if reference is not None:
         with open_fmu(reference) as fmu:

@@ -39,6 +39,10 @@ class LlmnError(Exception):
         self.problems: tuple[Problem, ...] = found
         super().__init__("\n".join(str(problem) for problem in found))
 
+    def __reduce__(self) -> tuple[type[Self], tuple[tuple[Problem, ...]]]:
+        """Let an error pass from a worker process to the one that reports it."""
+        return type(self), (self.problems,)
+
     @classmethod
     def of(cls, place: str, what: str, mend: str) -> Self:
         """Return the error for a single problem."""

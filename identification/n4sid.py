@@ -10,16 +10,16 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from fmu_builder.errors import DataError, IdentificationError, Problem
-from fmu_builder.parameter_set import DerivedOutput, InputSignal, OutputSignal, ParameterSet
+from fmu_builder.parameter_set import DerivedOutput, InputSignal, OutputSignal, ParameterSet, Partition
 from identification import static_map as maps
 from identification.arrays import Array
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.network import NetworkSettings, assemble, partition_of, signals_of
 from identification.static_map import StaticMap
-from identification.subspace import SubspaceSettings, aligned, estimate
-from identification.subspace.alignment import HORIZON
-from identification.validity import equidistant_centres
+from identification.subspace import SubspaceSettings, estimate
+from identification.subspace.alignment import HORIZON, Alignment, in_common_coordinates
+from identification.validity import cell_widths, equidistant_centres
 
 _OFF_CENTRE = 0.1
 """How far an experiment may be from its centre, in cells."""
@@ -36,11 +36,22 @@ class N4sidSettings(BaseModel):
     low: float = Field(default=0.5, description="low end of the operating range")
     high: float = Field(default=2.5, description="high end of the operating range")
     local_models: int = Field(default=4, ge=1, description="number of local models, centres equidistant")
+    centres: tuple[float, ...] | None = Field(
+        default=None, description="centres that are not equidistant; their number overrides local_models"
+    )
     operating_point: dict[str, float] = Field(
         default_factory=lambda: {"eta": 1.5, "M_pa": 1310.9}, description="start value of every input"
     )
     subspace: SubspaceSettings = SubspaceSettings()
+    alignment: Alignment = Field(default="observability", description="way to common state coordinates")
     alignment_horizon: int = Field(default=HORIZON, ge=2, description="samples compared for alignment")
+
+    @property
+    def positions(self) -> Array:
+        """Centres of the local models, shape (M,)."""
+        if self.centres is not None:
+            return np.array(self.centres)
+        return equidistant_centres(self.local_models, self.low, self.high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +76,15 @@ class LocalModels:
     output_scale: Array
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    def partition(self, settings: NetworkSettings) -> Partition:
+        """Return the partition these local models get from the settings of a network.
+
+        Raises:
+            IdentificationError: A number of the settings is still to be chosen.
+        """
+        limits = (self.settings.low, self.settings.high)
+        return partition_of(settings, self.settings.scheduling, limits, self.centres.tolist())
+
 
 def identify(
     experiments: Sequence[DataSet],
@@ -87,7 +107,7 @@ def identify(
             refuses; all centres are looked at before it is raised.
     """
     chosen = settings or N4sidSettings()
-    centres = equidistant_centres(chosen.local_models, chosen.low, chosen.high)
+    centres = chosen.positions
     _refuse_missing_columns(experiments, (*chosen.inputs, *chosen.outputs))
     groups = _grouped(experiments, centres, chosen)
     models, found = [], []
@@ -99,9 +119,10 @@ def identify(
             found += [Problem(f"{place}, {one.place}", one.what, one.mend) for one in refused.problems]
     if found:
         raise IdentificationError(found)
+    models = _of_one_order(models, groups, chosen)
     ordered = [data for group in groups for data in group]
     scale = np.mean([data.matrix(chosen.outputs).std(axis=0) for data in ordered], axis=0)
-    common = aligned(models, scale, chosen.alignment_horizon)
+    common = in_common_coordinates(models, chosen.alignment, scale, chosen.alignment_horizon)
     limits = (chosen.low, chosen.high)
     rest = static_map or maps.from_local_models(
         models, centres.tolist(), chosen.operating_point, chosen.scheduling, limits
@@ -132,8 +153,7 @@ def network(
     Raises:
         ParameterSetError: Not a valid parameter set; every problem is named.
     """
-    limits = (local.settings.low, local.settings.high)
-    partition = partition_of(settings, local.settings.scheduling, limits, local.centres.tolist())
+    partition = local.partition(settings)
     provenance = {
         **local.provenance,
         "network": settings.model_dump(mode="json"),
@@ -150,6 +170,24 @@ def network(
         provenance=provenance,
         **rest,
     )
+
+
+def _of_one_order(
+    models: list[LocalModel], groups: Sequence[Sequence[DataSet]], settings: N4sidSettings
+) -> list[LocalModel]:
+    """Return the models with as many states as the largest of them; an automatic order may differ."""
+    highest = max(model.order for model in models)
+    subspace = settings.subspace.model_copy(update={"order": highest})
+    result = []
+    for model, group in zip(models, groups, strict=True):
+        if model.order == highest:
+            result.append(model)
+            continue
+        why = f"order {highest}: as the largest of the local models, {model.order} would do here"
+        again = estimate(group, settings.inputs, settings.outputs, subspace)
+        again.diagnostics["choices"].insert(0, why)
+        result.append(again)
+    return result
 
 
 def _refuse_missing_columns(experiments: Sequence[DataSet], names: Sequence[str]) -> None:
@@ -175,14 +213,18 @@ def _grouped(experiments: Sequence[DataSet], centres: Array, settings: N4sidSett
         found.append(Problem("scheduling", what, f"Name one of {', '.join(settings.inputs)}"))
     if not settings.low < settings.high:
         found.append(Problem("range", f"{settings.low} .. {settings.high} is empty", "Give low < high"))
+    outside = np.any((centres < settings.low) | (centres > settings.high))
+    if settings.centres is not None and (not centres.size or outside or np.any(np.diff(centres) <= 0.0)):
+        what = f"{', '.join(f'{centre:g}' for centre in centres)} do not ascend within the range"
+        found.append(Problem("centres", what, "Give ascending centres inside low .. high"))
     if found:
         raise IdentificationError(found)
-    cell = (settings.high - settings.low) / len(centres)
+    cells = cell_widths(centres.tolist(), settings.low, settings.high)
     groups: list[list[DataSet]] = [[] for _ in centres]
     for data in experiments:
         middle = float(data.column(settings.scheduling).mean())
         index = int(np.argmin(np.abs(centres - middle)))
-        if abs(centres[index] - middle) > _OFF_CENTRE * cell:
+        if abs(centres[index] - middle) > _OFF_CENTRE * cells[index]:
             what = f"lies at {settings.scheduling} = {middle:.4g}, the nearest centre is {centres[index]:.4g}"
             found.append(Problem(f"data set {data.name!r}", what, "Use operating-point data at the centres"))
         groups[index].append(data)

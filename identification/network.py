@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from fmu_builder.errors import IdentificationError
 from fmu_builder.parameter_set import (
@@ -19,29 +19,69 @@ from fmu_builder.parameter_set import (
     OutputSignal,
     ParameterSet,
     Partition,
+    Validity,
     nested,
 )
 from identification.arrays import Array
+from identification.blending import as_parts, blended, stacked
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.static_map import StaticMap
-from identification.validity import equidistant_spreads, node_positions, weights
+from identification.validity import NODES, cell_widths, node_positions, weights
 
 
 class NetworkSettings(BaseModel):
-    """How local models become a network."""
+    """How local models become a network; "tuned" and "best" are left to whole-range training data."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    validity: Literal["gaussian", "hat_clamped", "hat"] = "hat"
-    k_sigma: float = Field(default=1.0 / 3.0, gt=0.0, description="Gaussians: sigma = k_sigma * spread")
-    blending: Literal["output", "parameter"] = "parameter"
+    validity: Validity = "hat"
+    k_sigma: Annotated[float, Field(gt=0.0)] | Literal["tuned"] = Field(
+        default=1.0 / 3.0, description="Gaussians: sigma = k_sigma * spread"
+    )
+    warp: tuple[float, float] | Literal["tuned"] = Field(
+        default="tuned", description="v0 and v1 of cubic_warp"
+    )
+    nodes: int = Field(default=NODES, ge=2, description="of the table that cubics are compiled to")
+    deviation_output: str | None = Field(default=None, description="output whose deviation also schedules")
+    deviation_gain: float | Literal["tuned"] = Field(default=0.0, description="kappa of that deviation")
+    coordinates: Literal["aligned", "tuned"] = Field(
+        default="aligned", description="state coordinates in which parameters are blended"
+    )
+    blending: Literal["output", "parameter", "best"] = "parameter"
     offsets: Literal["none", "affine", "low_pass", "scheduled_equilibrium"] = "scheduled_equilibrium"
     corner_frequency: float = Field(default=0.25, gt=0.0, description="of the low-pass of the offsets [Hz]")
+
+    @model_validator(mode="after")
+    def _deviation_of_what(self) -> NetworkSettings:
+        if self.deviation_gain != 0.0 and self.deviation_output is None:
+            raise ValueError("a deviation_gain needs a deviation_output")
+        return self
+
+    @property
+    def _nodes_of_equilibria(self) -> bool:
+        """Whether a deviation can schedule: parameters, a node table, a scheduled equilibrium."""
+        tabled = self.blending != "output" and self.validity != "gaussian"
+        return tabled and self.offsets == "scheduled_equilibrium"
+
+    @property
+    def open_choices(self) -> tuple[str, ...]:
+        """Names of the settings that whole-range training data have to decide."""
+        relevant = {
+            "k_sigma": self.validity == "gaussian",
+            "warp": self.validity == "cubic_warp",
+            "deviation_gain": self._nodes_of_equilibria,
+            "coordinates": self.blending != "output" and self.offsets == "scheduled_equilibrium",
+            "blending": True,
+        }
+        return tuple(name for name in relevant if relevant[name] and getattr(self, name) in ("tuned", "best"))
 
 
 RECOMMENDED = NetworkSettings()
 """Aligned matrices blended by hats that go on to the ends of the range, about the scheduled equilibrium."""
+
+AUTOMATIC = NetworkSettings(validity="cubic_warp", blending="best")
+"""Everything that whole-range training data can decide without new numbers to explain is left to them."""
 
 THESIS = NetworkSettings(validity="gaussian", blending="output", offsets="low_pass")
 """Gaussians with k_sigma = 1/3, outputs blended, 0.25 Hz low-pass and look-up table (thesis 3.3, 3.5.4)."""
@@ -50,15 +90,27 @@ THESIS = NetworkSettings(validity="gaussian", blending="output", offsets="low_pa
 def partition_of(
     settings: NetworkSettings, scheduling: str, limits: tuple[float, float], centres: Sequence[float]
 ) -> Partition:
-    """Return the partition of the range `limits` of the scheduling input into cells around the centres."""
+    """Return the partition of the range `limits` of the scheduling input into cells around the centres.
+
+    Raises:
+        IdentificationError: A number of the settings is still to be chosen.
+    """
+    if settings.open_choices:
+        open_ones = ", ".join(settings.open_choices)
+        mend = "Give a number, or whole-range training data (identification.tuning)"
+        raise IdentificationError.of("network", f"{open_ones} still to be chosen", mend)
     gaussian = settings.validity == "gaussian"
+    warp, gain, k_sigma = settings.warp, settings.deviation_gain, settings.k_sigma
     return Partition(
         scheduling=scheduling,
         range=limits,
         validity=settings.validity,
         centres=tuple(float(centre) for centre in centres),
-        spreads=nested(equidistant_spreads(len(centres), *limits)) if gaussian else None,
-        k_sigma=settings.k_sigma if gaussian else None,
+        spreads=nested(cell_widths(centres, *limits)) if gaussian else None,
+        k_sigma=k_sigma if gaussian and k_sigma != "tuned" else None,
+        warp=warp if settings.validity == "cubic_warp" and warp != "tuned" else None,
+        deviation_output=settings.deviation_output,
+        deviation_gain=gain if gain != "tuned" else 0.0,
     )
 
 
@@ -144,9 +196,9 @@ def assemble(
         inputs=signals[0],
         outputs=signals[1],
         partition=partition,
-        blending=settings.blending,
+        blending="output" if settings.blending == "output" else "parameter",
         local_models=tuple(parts),
-        node_table=_node_table(parts, partition, settings.blending),
+        node_table=_node_table(parts, partition, settings),
         offsets=_offsets(settings, static_map, models[0].outputs),
         derived_outputs=tuple(derived_outputs),
         **rest,
@@ -207,31 +259,13 @@ def _offsets(settings: NetworkSettings, static_map: StaticMap | None, outputs: S
     return Offsets(kind=settings.offsets, corner_frequency=frequency, static_map=table)
 
 
-def _node_table(parts: Sequence[LocalLinearModel], partition: Partition, blending: str) -> NodeTable | None:
-    """Compile hats into nodes: every entry is sum_i w_i entry_i, summed in the order of the models."""
+def _node_table(
+    parts: Sequence[LocalLinearModel], partition: Partition, settings: NetworkSettings
+) -> NodeTable | None:
+    """Compile weights into nodes; for parameter blending every entry is sum_i w_i entry_i there."""
     if partition.validity == "gaussian":
         return None
-    positions = node_positions(partition)
+    positions = node_positions(partition, settings.nodes)
     shares = weights(partition, positions)
-    models = () if blending == "output" else tuple(blended(parts, row) for row in shares)
+    models = () if settings.blending == "output" else as_parts(blended(stacked(parts), shares))
     return NodeTable(positions=nested(positions), weights=nested(shares), models=models)
-
-
-def blended(parts: Sequence[LocalLinearModel], shares: Array) -> LocalLinearModel:
-    """Return sum_i w_i of every matrix and vector of local models.
-
-    Args:
-        parts: M local models in common state coordinates.
-        shares: Their weights w, shape (M,).
-    """
-    fields: dict[str, Any] = {}
-    for field in LocalLinearModel.model_fields:
-        entries = [getattr(part, field) for part in parts]
-        if any(entry is None for entry in entries):
-            continue
-        total = np.zeros_like(np.asarray(entries[0], dtype=np.float64))
-        for share, entry in zip(shares, entries, strict=True):
-            # a weight of zero adds nothing, not even a rounding or a sign of zero
-            total = total + share * np.asarray(entry, dtype=np.float64) if share != 0.0 else total
-        fields[field] = nested(total)
-    return LocalLinearModel(**fields)

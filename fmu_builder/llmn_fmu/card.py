@@ -83,6 +83,11 @@ def _behaviour(parameter_set: ParameterSet) -> Iterator[str]:
         f" {_BLENDING[parameter_set.blending]}"
         f" {_OFFSETS[offsets.kind].format(corner=offsets.corner_frequency)}"
     )
+    if partition.deviation_gain != 0.0:
+        yield _paragraph(
+            f"To {partition.scheduling} the schedule adds {partition.deviation_gain!r} times the deviation of"
+            f" {partition.deviation_output} from its value at rest, as of the last tick."
+        )
     yield _paragraph(
         f"The model runs on its own grid of {parameter_set.sample_time!r} s; any communication step is"
         " accepted. A tick uses the inputs in force when it begins. Between ticks outputs hold, except where"

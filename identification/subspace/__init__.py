@@ -1,6 +1,8 @@
 """Local linear models from data by subspace identification, and their alignment to one set of coordinates."""
 
 from identification.subspace.alignment import aligned
-from identification.subspace.estimator import SubspaceSettings, estimate
+from identification.subspace.estimator import estimate
+from identification.subspace.reduction import reduced
+from identification.subspace.settings import METHODS, SubspaceSettings
 
-__all__ = ["SubspaceSettings", "aligned", "estimate"]
+__all__ = ["METHODS", "SubspaceSettings", "aligned", "estimate", "reduced"]

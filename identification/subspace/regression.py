@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg
-from scipy.signal import lfilter
+from numpy.typing import NDArray
 
 from identification.arrays import Array
 from identification.local_model import simulated_states
+from identification.subspace.modal import ModalResponses, modal_form
 
-_WORST_EIGENVECTORS = 1e7
-"""Condition number of the eigenvectors beyond which A counts as defective."""
+Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Regression:
     """What the data say about B, D, initial states and rest values.
 
@@ -35,72 +36,17 @@ class Regression:
     simulated: list[Array]
 
 
-class _Responses:
-    """Signals that span the response of x+ = A x + e_i u to any one input, and how outputs read them.
+class Responses(Protocol):
+    """How outputs respond in one experiment to the n (m + 1) numbers in B and x_0, columns of B first."""
 
-    With distinct poles n signals per input do: real and imaginary part of u filtered by 1 / (z - pole). In
-    the real modal coordinates of A, one pair of states (a, b) per complex pole, the response to a drive of a
-    is (g, -h), to a drive of b (h, g), g + jh being the filtered input. A defective A is simulated state by
-    state.
-    """
+    def normal(self) -> Array:
+        """Return the Gram matrix of the responses summed over outputs, shape (n (m + 1), n (m + 1))."""
 
-    def __init__(self, A: Array, C: Array) -> None:
-        poles, vectors = np.linalg.eig(A)
-        self.order = A.shape[0]
-        self.modal = bool(np.linalg.cond(vectors) < _WORST_EIGENVECTORS)
-        if not self.modal:
-            self.basis, self.A = np.eye(self.order), A
-            self.signals = self.order**2
-            # signal i * n + s is state s driven through state i
-            self.reading = np.stack([np.kron(np.eye(self.order), row[:, None]) for row in C])
-            return
-        upper = np.flatnonzero(poles.imag >= 0.0)
-        self.poles = poles[upper]
-        self.signals = self.order
-        columns: list[Array] = []
-        for index in upper:
-            vector = vectors[:, index]
-            columns += [vector.real] if poles[index].imag == 0.0 else [vector.real, vector.imag]
-        self.basis = np.column_stack(columns)
-        self.reading = np.stack([self._modal_reading(row) for row in C @ self.basis])
+    def moments(self, signals: Array) -> Array:
+        """Return sum_k response_o(k) s(k) for every output o, shape (p, n (m + 1), signals)."""
 
-    def _modal_reading(self, row: Array) -> Array:
-        block = np.zeros((self.order, self.order))
-        at = 0
-        for pole in self.poles:
-            if pole.imag == 0.0:
-                block[at, at] = row[at]
-                at += 1
-            else:
-                a, b = row[at], row[at + 1]
-                block[at : at + 2, at : at + 2] = [[a, b], [-b, a]]
-                at += 2
-        return block
-
-    def to(self, drive: Array, direct: bool) -> Array:
-        """Return the signals for a drive, shape (signals, samples).
-
-        Args:
-            drive: The input u, shape (samples,).
-            direct: True where the drive acts on the state of its own row (an impulse then sets the state),
-                False where it acts on the next one.
-        """
-        delayed = drive if direct else np.concatenate([[0.0], drive[:-1]])
-        if not self.modal:
-            shifted = np.concatenate([delayed[1:], [0.0]])
-            rows = []
-            for unit in np.eye(self.order):
-                states = simulated_states(self.A, shifted[:, None] * unit, delayed[0] * unit)
-                rows.append(states.T)
-            return np.vstack(rows)
-        rows = []
-        for pole in self.poles:
-            if pole.imag == 0.0:
-                rows.append(lfilter([1.0], [1.0, -pole.real], delayed))
-            else:
-                filtered = lfilter([1.0], [1.0, -pole], delayed)
-                rows += [filtered.real, filtered.imag]
-        return np.array(rows)
+    def outputs(self, states: Array) -> Array:
+        """Return the response to numbers, shape (n (m + 1),), as outputs of shape (p, samples)."""
 
 
 def fit_inputs(
@@ -108,8 +54,7 @@ def fit_inputs(
 ) -> Regression:
     """Return B, D, x_0 and a constant per output that minimise |y - yhat|^2 over all experiments.
 
-    All outputs weigh the same, so they come scaled. The normal equations need the Gram matrix of the
-    responses only: y_o = F K_o beta with one F for all outputs.
+    All outputs weigh the same, so they come scaled.
 
     Args:
         A: State matrix, stable, shape (n, n).
@@ -118,52 +63,72 @@ def fit_inputs(
         outputs: One (p, samples) array per experiment.
         feed_through: Whether D is fitted, too.
     """
-    responses = _Responses(A, C)
-    m, p, experiments = inputs[0].shape[0], C.shape[0], len(inputs)
-    signals = [_signals(responses, u, index, experiments, feed_through) for index, u in enumerate(inputs)]
-    gram = np.sum([f @ f.T for f in signals], axis=0)
-    cross = np.sum([f @ y.T for f, y in zip(signals, outputs, strict=True)], axis=0)
-    blocks = [_reading(responses, o, m, p, experiments, feed_through) for o in range(p)]
-    normal = np.sum([K.T @ gram @ K for K in blocks], axis=0)
-    right = np.sum([K.T @ cross[:, o] for o, K in enumerate(blocks)], axis=0)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    beta = scale * _solved(normal * np.outer(scale, scale), right * scale)
-    simulated = [np.stack([(K @ beta) @ f for K in blocks]) for f in signals]
-    n = responses.order
-    states = beta[: (m + experiments) * n].reshape(m + experiments, n) @ responses.basis.T
-    rest = beta[(m + experiments) * n :]
-    D = rest[p:].reshape(p, m) if feed_through else np.zeros((p, m))
-    return Regression(states[:m].T.copy(), D, states[m:], rest[:p], simulated)
+    form = modal_form(A, C)
+    responses: list[Responses]
+    if form is None:
+        basis = np.eye(len(A))
+        responses = [_StateResponses(A, C, u) for u in inputs]
+    else:
+        basis = form.basis
+        responses = [ModalResponses(form, u) for u in inputs]
+    n, m, p, experiments = len(A), inputs[0].shape[0], C.shape[0], len(inputs)
+    states, direct = (m + experiments) * n, p * (1 + m * feed_through)
+    normal, right = np.zeros((states + direct, states + direct)), np.zeros(states + direct)
+    for number, (response, u, y) in enumerate(zip(responses, inputs, outputs, strict=True)):
+        shared = np.arange(m * n)
+        own = np.concatenate([shared, (m + number) * n + np.arange(n)])
+        fixed = np.vstack([np.ones((1, u.shape[1])), u]) if feed_through else np.ones((1, u.shape[1]))
+        normal[np.ix_(own, own)] += response.normal()
+        moments = response.moments(np.vstack([fixed, y]))
+        gram, cross = fixed @ fixed.T, fixed @ y.T
+        for o in range(p):
+            at = states + o * len(fixed) + np.arange(len(fixed))
+            mixed = moments[o, :, : len(fixed)]
+            normal[np.ix_(own, at)] += mixed
+            normal[np.ix_(at, own)] += mixed.T
+            normal[np.ix_(at, at)] += gram
+            right[own] += moments[o, :, len(fixed) + o]
+            right[at] += cross[:, o]
+    beta = _solved(normal, right)
+    constants = beta[states:].reshape(p, -1)
+    offset, D = constants[:, 0], constants[:, 1:] if feed_through else np.zeros((p, m))
+    simulated = []
+    for number, (response, u) in enumerate(zip(responses, inputs, strict=True)):
+        own_states = np.concatenate([beta[: m * n], beta[(m + number) * n :][:n]])
+        simulated.append(response.outputs(own_states) + offset[:, None] + (D @ u if feed_through else 0.0))
+    columns = beta[:states].reshape(m + experiments, n) @ basis.T
+    return Regression(columns[:m].T.copy(), D, columns[m:], offset, simulated)
 
 
-def _signals(
-    responses: _Responses, inputs: Array, experiment: int, experiments: int, feed_through: bool
-) -> Array:
-    """Return F': responses to the inputs, to an impulse in this experiment's start, then 1 and the inputs."""
-    rows = [responses.to(u, direct=False) for u in inputs]
-    impulse = np.zeros(inputs.shape[1])
-    for index in range(experiments):
-        impulse[0] = 1.0 if index == experiment else 0.0
-        rows.append(responses.to(impulse, direct=True))
-    rows.append(np.ones((1, inputs.shape[1])))
-    return np.vstack([*rows, inputs] if feed_through else rows)
+class _StateResponses:
+    """Responses for any A, one simulation per number: for matrices without a basis of eigenvectors."""
 
+    def __init__(self, A: Array, C: Array, inputs: Array) -> None:
+        samples = inputs.shape[1]
+        drives = [*inputs, np.zeros(samples)]
+        rows = np.empty((len(drives), len(A), C.shape[0], samples))
+        for d, drive in enumerate(drives):
+            for i, unit in enumerate(np.eye(len(A))):
+                start = unit * (d == len(drives) - 1)
+                rows[d, i] = C @ simulated_states(A, drive[:, None] * unit, start).T
+        self._rows = rows.reshape(-1, *rows.shape[2:])
 
-def _reading(
-    responses: _Responses, output: int, inputs: int, outputs: int, experiments: int, feed_through: bool
-) -> Array:
-    """Return K_o: how output o reads the signals, for beta = [columns of B; x_0; offsets; D row by row]."""
-    states = np.kron(np.eye(inputs + experiments), responses.reading[output])
-    constant = np.eye(outputs)[output : output + 1]
-    if not feed_through:
-        return np.asarray(scipy.linalg.block_diag(states, constant))
-    direct = np.zeros((inputs, outputs * inputs))
-    direct[:, output * inputs : (output + 1) * inputs] = np.eye(inputs)
-    return np.asarray(scipy.linalg.block_diag(states, constant, direct))
+    def normal(self) -> Array:
+        flat = self._rows.reshape(len(self._rows), -1)
+        return np.asarray(flat @ flat.T)
+
+    def moments(self, signals: Array) -> Array:
+        return np.asarray(self._rows.transpose(1, 0, 2) @ signals.T)
+
+    def outputs(self, states: Array) -> Array:
+        return np.asarray(np.tensordot(states, self._rows, axes=1))
 
 
 def _solved(normal: Array, right: Array) -> Array:
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    scaled = normal * np.outer(scale, scale)
     try:
-        return np.asarray(scipy.linalg.solve(normal, right, assume_a="pos"))
+        found = scipy.linalg.solve(scaled, right * scale, assume_a="pos")
     except scipy.linalg.LinAlgError:
-        return np.asarray(scipy.linalg.lstsq(normal, right)[0])
+        found = scipy.linalg.lstsq(scaled, right * scale)[0]
+    return np.asarray(scale * found)

@@ -245,3 +245,25 @@ def test_validate_compares_two_fmus_on_the_same_inputs(blow: WholePath, tmp_path
 
 def test_the_version_is_printed(tmp_path: Path) -> None:
     assert llmn(tmp_path, "--version").stdout.strip() == metadata.version("pantograph-llmn")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_behind_the_output_is_one_message(tmp_path: Path) -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        result = subprocess.run(
+            [*LLMN, "--version"],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert result.returncode == 1
+    assert "Traceback" not in result.stderr
+    assert "No space left" in result.stderr
+
+
+def test_data_that_do_not_fit_into_memory_are_one_message(blow: WholePath, tmp_path: Path) -> None:
+    text = f"[reference]\nfmu = '{blow.white_box}'\n[[experiments]]\nname = 'a'\nkind = 'whole_range'\n"
+    text += "split = 'train'\nduration = 1e14\n"
+    assert "memory" in refused(tmp_path, "generate", settings(tmp_path, text), "--output", tmp_path / "data")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 import stat
+import tempfile
 import zipfile
 from pathlib import Path
 
 import pytest
 
+from cosim.whole_path import WholePath
+from cosimulation import fmu_file
 from cosimulation.fmu_file import open_fmu
 from fmu_builder.errors import FmuError
 
@@ -72,3 +76,32 @@ def test_a_flipped_byte_is_found(tmp_path: Path) -> None:
     content[200] ^= 0xFF
     path.write_bytes(bytes(content))
     assert "damaged" in message(path) or "not a readable" in message(path)
+
+
+def test_a_damaged_compressed_entry_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "flipped.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
+        target.writestr("modelDescription.xml", b"".join(b"<a%d/>" % number for number in range(300)))
+    content = bytearray(path.read_bytes())
+    for offset in range(60, 90):
+        content[offset] = 0xFF
+    path.write_bytes(bytes(content))
+    assert str(path) in message(path)
+
+
+def test_control_c_while_it_is_deleted_leaves_no_folder(
+    blow: WholePath, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with (
+        monkeypatch.context() as patched,
+        pytest.raises(KeyboardInterrupt),
+        open_fmu(blow.white_box) as fmu,
+    ):
+        patched.setattr(shutil, "rmtree", interrupted)
+    assert fmu.folder.exists()
+    fmu_file._delete_unpacked()  # what the end of the program does
+    assert list(tmp_path.iterdir()) == []

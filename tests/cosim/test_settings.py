@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cosimulation.settings import GenerateSettings, load_settings, parse_settings
+from cosimulation.settings import GenerateSettings, Signals, load_settings, parse_settings, with_flags
 from fmu_builder.errors import SettingsError
 
 
@@ -56,3 +56,32 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, content: str, expec
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="no such settings file"):
         load_settings(GenerateSettings, tmp_path / "run.toml")
+
+
+@pytest.mark.parametrize(
+    ("values", "place"),
+    [
+        ({"static_map": {"low": float("nan")}}, "static_map.low"),
+        ({"excitation": {"torque_amplitude": float("inf")}}, "excitation"),
+        ({"static_map": {"heights": 10**9}}, "static_map.heights"),
+        ({"signals": {"inputs": {}}}, "at least one input"),
+        ({"signals": {"outputs": {"eta": "xi"}}}, "both an input and an output: eta"),
+        ({"signals": {"units": {"etta": "mm"}}}, "not mapped: etta"),
+    ],
+)
+def test_values_that_cannot_be_worked_with_are_refused_at_once(values: dict[str, object], place: str) -> None:
+    (text,) = problems(values)
+    assert place in text
+
+
+def test_a_flag_is_checked_like_the_key_it_stands_in_for() -> None:
+    settings = GenerateSettings(seed=3)
+    assert with_flags(settings, seed=None) == settings
+    assert with_flags(settings, seed=5).seed == 5
+    with pytest.raises(SettingsError, match="command line, seed"):
+        with_flags(settings, seed=-1)
+
+
+def test_a_unit_of_one_signal_leaves_the_others_theirs() -> None:
+    signals = Signals(units={"xi": "mm"})
+    assert (signals.unit("xi"), signals.unit("eta"), signals.unit("unheard_of")) == ("mm", "m", "")

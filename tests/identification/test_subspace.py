@@ -132,6 +132,18 @@ def test_units_do_not_matter(exponents: list[float]) -> None:
     assert np.abs(back - base_response).max() <= INVARIANCE * np.abs(base_response).max()
 
 
+def test_state_coordinates_of_the_plant_do_not_matter() -> None:
+    plant = asymmetric()
+    turned = plant.transformed(np.random.default_rng(6).standard_normal((5, 5)))
+    inputs = asymmetric_data(4, 1500).select(plant.inputs)
+    models = []
+    for one in (plant, turned):
+        data = recorded(one, inputs, ("rad", "rad/s"))
+        noise = {"angle": 0.01, "speed": 0.01}
+        models.append(estimate([with_measurement_noise(data, noise, 4)], *NAMES, FIVE))
+    assert same(*models)
+
+
 def test_order_of_channels_does_not_matter() -> None:
     data = with_measurement_noise(asymmetric_data(4, 1500), {"angle": 0.01, "speed": 0.01}, 4)
     inputs, outputs = NAMES

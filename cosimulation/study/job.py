@@ -1,0 +1,95 @@
+"""From a study's settings to its folder: tasks, limits, tables, page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cosimulation.progress import Reporter
+from cosimulation.scoring import marked_recommended
+from cosimulation.settings import STUDIES as SHIPPED
+from cosimulation.settings import load_settings
+from cosimulation.study import blending, order, tables
+from cosimulation.study.limits import judge
+from cosimulation.study.page import Section, render
+from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
+from fmu_builder.compiler import host_platform
+from fmu_builder.errors import SettingsError
+from fmu_builder.files import folder_written_atomically, write_text
+from fmus.wbm import build_wbm
+from identification.scores import FIELDS
+
+Records = list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Study:
+    """What distinguishes one study from another.
+
+    Attributes:
+        settings: The class of its settings.
+        tasks: Settings and white-box FMU to independent tasks.
+        run: Task to score records; a record with the key `cpu` is a timing.
+        sections: Records to the sections of its page.
+        recommend: Whether configurations compete, so that one is recommended by validation data.
+    """
+
+    settings: type[StudySettings]
+    tasks: Callable[[Any, Path], Sequence[Any]]
+    run: Callable[[Any], Records]
+    sections: Callable[[Any, Records], list[Section]]
+    recommend: bool
+
+
+STUDIES = {
+    "order": Study(order.OrderSettings, order.tasks, order.run_task, tables.order_sections, False),
+    "blending": Study(
+        blending.BlendingSettings, blending.tasks, blending.run_task, tables.blending_sections, True
+    ),
+}
+
+
+def run(
+    name: str, output: Path, settings_file: Path | None, seeds: tuple[int, ...], reporter: Reporter
+) -> StudyResult:
+    """Run a study; see `cosimulation.study.run_study`."""
+    if name not in STUDIES:
+        raise SettingsError.of(f"study {name!r}", "there is no such study", f"Choose of {', '.join(STUDIES)}")
+    study = STUDIES[name]
+    settings = load_settings(study.settings, settings_file or SHIPPED / f"{name}.toml")
+    if seeds:
+        settings = settings.model_copy(update={"seeds": seeds})
+    reporter.say(f"settings: {settings.model_dump_json()}")
+    with folder_written_atomically(output) as folder:
+        white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu", (host_platform(),))
+        results = Pool[Any](settings.processes).run(
+            study.run, study.tasks(settings, white_box), reporter, f"study {name}"
+        )
+        found = [record for result in results for record in result]
+        scores = [{key: item.get(key) for key in FIELDS} for item in found if "cpu" not in item]
+        timings = [item for item in found if "cpu" in item]
+        if study.recommend:
+            scores = _with_recommendations(scores)
+        verdicts = [judge(limit, scores) for limit in settings.limits]
+        text = settings.model_dump_json(indent=1)
+        page = render(
+            settings.title,
+            f"{len(settings.seeds)} seeds, white-box sets {', '.join(settings.sets)}",
+            verdicts,
+            study.sections(settings, scores),
+            text,
+        )
+        write_text(folder / "report.html", page)
+        write_text(folder / "scores.json", as_json(scores))
+        write_text(folder / "timings.json", as_json(timings))
+        write_text(folder / "settings.json", text + "\n")
+    return StudyResult(output, scores, verdicts, {})
+
+
+def _with_recommendations(scores: Records) -> Records:
+    """Mark configurations by their validation scores; records without validation data stay as they are."""
+    judged = [item for item in scores if item["data_set"] in ("wr_validation", "wr_test")]
+    marked = iter(marked_recommended(judged))
+    return [next(marked) if item["data_set"] in ("wr_validation", "wr_test") else item for item in scores]

@@ -1,0 +1,102 @@
+"""Acceptance limits of a study: which scores, which statistic over the seeds, how good they must be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from cosimulation.settings import Section
+from identification.scores import FIELDS
+
+
+class Limit(Section):
+    """One line of an acceptance table; the statistics are over seeds, of the FIT on test data."""
+
+    label: str
+    where: dict[str, str | int | float | bool | None] = Field(description="fields of a score record")
+    combine: Literal["best", "worst"] = Field(
+        "best",
+        description="of several matching records of one seed: the better of alternatives, or the worst",
+    )
+    less: dict[str, str | int | float | bool | None] | None = Field(
+        None, description="fields of records whose FIT is subtracted, for limits on a difference"
+    )
+    median: float | None = Field(None, description="smallest median that passes [%]")
+    worst: float | None = Field(None, description="smallest worst value that passes [%]")
+    stretch: float | None = Field(None, description="a median to strive for; never fails [%]")
+    thesis: float | None = Field(None, description="the thesis's figure, for comparison [%]")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A limit and what was measured.
+
+    Attributes:
+        limit: The limit.
+        median: Over the seeds [%]; NaN without data.
+        worst: Over the seeds [%].
+        seeds: How many seeds there were.
+        passed: None for a limit that only prints.
+    """
+
+    limit: Limit
+    median: float
+    worst: float
+    seeds: int
+    passed: bool | None
+
+    def line(self) -> str:
+        """Return one line of text."""
+        asked = [
+            f"{name} >= {value:g}"
+            for name, value in (("median", self.limit.median), ("worst", self.limit.worst))
+            if value is not None
+        ]
+        word = {True: "pass", False: "FAIL", None: "printed"}[self.passed]
+        stretch = f", stretch {self.limit.stretch:g}" if self.limit.stretch is not None else ""
+        thesis = f" [thesis {self.limit.thesis:g}]" if self.limit.thesis is not None else ""
+        measured = f"median {self.median:7.3f}  worst {self.worst:7.3f}  ({self.seeds} seeds)"
+        return f"{word:<8}{self.limit.label:<58}{measured}  {', '.join(asked)}{stretch}{thesis}"
+
+
+def judge(limit: Limit, records: Sequence[Mapping[str, Any]]) -> Verdict:
+    """Compare the FIT of the matching test records with a limit.
+
+    Raises:
+        KeyError: The limit names a field that a record does not have.
+    """
+    unknown = sorted((set(limit.where) | set(limit.less or {})) - set(FIELDS))
+    if unknown:
+        raise KeyError(f"limit {limit.label!r}: no such field {', '.join(unknown)}")
+    by_seed = _by_seed(limit.where, limit, records)
+    if limit.less is not None:
+        other = _by_seed(limit.less, limit, records)
+        by_seed = {
+            seed: fit - other[seed] if np.isfinite(other[seed]) else float("nan")
+            for seed, fit in by_seed.items()
+            if seed in other
+        }
+    values = list(by_seed.values())
+    median = float(np.median(values)) if values else float("nan")
+    worst = float(np.min(values)) if values else float("nan")  # NaN stays NaN: nothing to compare with
+    bounds = [(median, limit.median), (worst, limit.worst)]
+    asked = [value >= bound for value, bound in bounds if bound is not None]
+    return Verdict(limit, median, worst, len(values), all(asked) if asked else None)
+
+
+def _by_seed(
+    where: Mapping[str, Any], limit: Limit, records: Sequence[Mapping[str, Any]]
+) -> dict[int, float]:
+    """Return the FIT by seed of the matching test records."""
+    chosen = max if limit.combine == "best" else min
+    found: dict[int, float] = {}
+    for record in records:
+        if record["split"] == "test" and all(record[key] == value for key, value in where.items()):
+            fit = -np.inf if record["fit"] is None else float(record["fit"])
+            seed = record["seed"]
+            found[seed] = chosen(fit, found[seed]) if seed in found else fit
+    return found

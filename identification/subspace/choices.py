@@ -1,0 +1,169 @@
+"""Order and block rows from the data, each with the reason."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmu_builder.errors import IdentificationError
+from identification.subspace.covariance import LaggedSums
+from identification.subspace.preparation import ScaledData, least_block_rows
+from identification.subspace.projection import Projection, clear_order, project
+from identification.subspace.regression import Regression, fit_inputs
+from identification.subspace.settings import SubspaceSettings
+from identification.subspace.stability import refuse_unstable
+
+LADDER = (5, 7, 10, 14, 20, 28, 35, 50, 70, 100, 140)
+"""Block rows compared: steps of about 1.4."""
+
+PILOT = 50
+"""Block rows at which the order is read and the search begins, if the data allow."""
+
+_GAIN = 1e-3
+"""Relative fall of the error for which the search goes on."""
+
+_LARGEST_MATRIX = 1300
+"""Rows of the matrix to factorise beyond which a window is not looked at: a tenth of a second."""
+
+_UNUSABLE = math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """What is identified from, and why.
+
+    Attributes:
+        projection: The decomposition at the chosen block rows.
+        order: States of the model.
+        search: Pairs of block rows and simulation error (infinite: no usable model), as they were compared.
+        reasons: One line per automatic choice.
+    """
+
+    projection: Projection
+    order: int
+    search: tuple[tuple[int, float], ...]
+    reasons: tuple[str, ...]
+
+
+def choose(data: ScaledData, settings: SubspaceSettings) -> Chosen:
+    """Return order and block rows, from the settings or else from the data.
+
+    Order: `projection.clear_order` at the given block rows, or at 50 (fewer where the data do not hold twice
+    as many, or the inputs do not excite them).
+
+    Block rows: for that order, models from windows of increasing length (50, 70, 100, ... rows) are simulated
+    over the training data until the error no longer falls by 0.1 %; the smallest error wins. All models have
+    equally many parameters, so that no second data set is needed.
+
+    Raises:
+        IdentificationError: Not exciting, no order to be seen, or no usable model at any length.
+    """
+    known = 1 if settings.order == "auto" else settings.order
+    given = settings.block_rows
+    lengths = candidates(data, known, settings) if given == "auto" else [given]
+    windows = _Windows(data, settings, max(lengths))
+    reasons: list[str] = []
+    if settings.order == "auto":
+        order, reason = _automatic_order(windows, lengths, settings)
+        reasons.append(reason)
+    else:
+        order = settings.order
+    if given != "auto":
+        return Chosen(windows.at(given), order, (), tuple(reasons))
+    least = least_block_rows(max(order, settings.high_order or 0), data.shape[1])
+    projection, search = _search(windows, [s for s in lengths if s >= least] or [least], order)
+    reasons.append(_reason(projection.block_rows, search))
+    return Chosen(projection, order, tuple(search), tuple(reasons))
+
+
+def candidates(data: ScaledData, order: int, settings: SubspaceSettings) -> list[int]:
+    """Return the block rows that the data, the order and the time to compute allow, increasing."""
+    m, p = data.shape
+    least = least_block_rows(max(order, settings.high_order or 0), p)
+    largest = min(data.most_block_rows, max(_LARGEST_MATRIX // (2 * (m + p)), least))
+    return [s for s in LADDER if least <= s <= largest] or [max(least, min(largest, PILOT))]
+
+
+def simulation_error(data: ScaledData, result: Regression) -> float:
+    """Return the rms of all simulated outputs' errors over their standard deviation."""
+    pairs = zip(data.outputs, result.simulated, strict=True)
+    total = sum(float(np.sum((y - yhat) ** 2)) for y, yhat in pairs)
+    return math.sqrt(total / (data.rows * data.shape[1]))
+
+
+class _Windows:
+    """Decompositions for windows of any length up to a longest one; each is computed once."""
+
+    def __init__(self, data: ScaledData, settings: SubspaceSettings, longest: int) -> None:
+        self.data = data
+        self.settings = settings
+        self._sums = LaggedSums(data.stacked, 2 * longest)
+        self._known: dict[int, Projection] = {}
+
+    def at(self, block_rows: int) -> Projection:
+        """Return the decomposition; raises IdentificationError where the inputs do not excite so many."""
+        if block_rows not in self._known:
+            self._known[block_rows] = project(self.data, self._sums, block_rows, self.settings)
+        return self._known[block_rows]
+
+    def error(self, block_rows: int, order: int) -> float:
+        """Return the simulation error; raises IdentificationError where there is no stable model."""
+        A, C = self.at(block_rows).state_and_output_matrix(order)
+        refuse_unstable(A)
+        data = self.data
+        return simulation_error(data, fit_inputs(A, C, data.inputs, data.outputs, self.settings.feed_through))
+
+
+def _automatic_order(windows: _Windows, lengths: list[int], settings: SubspaceSettings) -> tuple[int, str]:
+    refusals: list[IdentificationError] = []
+    # windows that fill the data leave nothing to tell states from noise
+    roomy = min(PILOT, windows.data.most_block_rows // 2)
+    for block_rows in [s for s in lengths if s <= roomy][::-1] or lengths[:1]:
+        try:
+            seen = windows.at(block_rows)
+        except IdentificationError as refused:
+            refusals.append(refused)
+            continue
+        order, why = clear_order(seen.strengths, seen.noise_level)
+        most = (block_rows - 1) * seen.outputs
+        if settings.high_order is not None:
+            most = min(most, settings.high_order - 1)
+        if order > most:
+            return most, f"order {most}: as many as high_order and {block_rows} block rows leave of {order}"
+        return order, f"order {order}: {why}"
+    raise refusals[0]
+
+
+def _search(windows: _Windows, lengths: list[int], order: int) -> tuple[Projection, list[tuple[int, float]]]:
+    """Return the best decomposition: from 50 block rows up; shorter ones only where those give no model."""
+    longer, shorter = [s for s in lengths if s >= PILOT], [s for s in lengths if s < PILOT][::-1]
+    search: list[tuple[int, float]] = []
+    smallest = _UNUSABLE
+    refusals: list[IdentificationError] = []
+    for s in [*longer, *shorter]:
+        if s < PILOT and smallest < _UNUSABLE and longer:
+            break
+        try:
+            error = windows.error(s, order)
+        except IdentificationError as refused:
+            error = _UNUSABLE
+            refusals.append(refused)
+        search.append((s, error))
+        enough = smallest < _UNUSABLE and error >= (1.0 - _GAIN) * smallest
+        smallest = min(smallest, error)
+        if enough:
+            break
+    if smallest == _UNUSABLE:
+        raise refusals[0]
+    return windows.at(min(search, key=lambda item: item[1])[0]), search
+
+
+def _reason(block_rows: int, search: list[tuple[int, float]]) -> str:
+    if len(search) == 1:
+        return f"block rows {block_rows}: the only length that the data and the order allow"
+    compared = ", ".join(
+        f"{s}: {100.0 * error:.4g} %" if error < _UNUSABLE else f"{s}: no stable model" for s, error in search
+    )
+    return f"block rows {block_rows}: smallest simulation error on the training data ({compared})"

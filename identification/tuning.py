@@ -1,0 +1,277 @@
+"""What whole-range training data decide: validity functions, deviation gain, state coordinates, blending."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from fmu_builder.parameter_set import DerivedOutput, ParameterSet, Partition, warp_rises
+from identification.arrays import Array
+from identification.data_set import DataSet
+from identification.n4sid import LocalModels, network
+from identification.network import NetworkSettings
+from identification.objective import Candidate, Objective, transformed
+from identification.surrogate.least_squares import Minimum, NormalEquations, minimise
+
+_STEP = 1e-4
+"""Of the one-sided differences, in coordinates of order one: far above rounding, far below what matters."""
+_LARGEST_COORDINATE = 5.0
+_K_SIGMA_START = 0.5
+_NEUTRAL: dict[str, Any] = {"k_sigma": _K_SIGMA_START, "warp": (0.0, 0.0), "deviation_gain": 0.0}
+_DEFAULTS: dict[str, Any] = {
+    "k_sigma": 1.0 / 3.0, "deviation_gain": 0.0, "coordinates": "aligned", "blending": "parameter",
+}  # fmt: skip
+
+
+class TuningSettings(BaseModel):
+    """How the open choices are made."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    signals: tuple[str, ...] | None = Field(
+        default=None, description="outputs and derived outputs whose errors count; default all"
+    )
+    iterations: int = Field(default=8, ge=1, description="most steps of a search")
+    tolerance: float = Field(default=0.01, gt=0.0, description="relative gain that ends a search")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One thing that was chosen automatically.
+
+    Attributes:
+        name: Name of the setting that overrides it.
+        value: What was chosen.
+        reason: Why, for a person.
+    """
+
+    name: str
+    value: Any
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.value}: {self.reason}"
+
+
+class TunedNetwork(NamedTuple):
+    """A network without open choices.
+
+    Attributes:
+        parameter_set: The network.
+        choices: What was chosen, in the order of choosing.
+        settings: The settings with every choice filled in.
+        local: The local models in the state coordinates that were chosen; with `settings` they give the
+            network again.
+    """
+
+    parameter_set: ParameterSet
+    choices: tuple[Choice, ...]
+    settings: NetworkSettings
+    local: LocalModels
+
+
+@dataclass(frozen=True)
+class _Tuned:
+    """The outcome for one blending."""
+
+    settings: NetworkSettings
+    generator: Array | None
+    choices: tuple[Choice, ...]
+    percent: float
+
+
+def tuned_network(
+    name: str,
+    local: LocalModels,
+    training: Sequence[DataSet],
+    settings: NetworkSettings,
+    derived_outputs: Sequence[DerivedOutput] = (),
+    tuning: TuningSettings | None = None,
+    **rest: Any,
+) -> TunedNetwork:
+    """Return the network with every open choice of its settings made on whole-range training data.
+
+    "tuned" numbers are found by damped Gauss-Newton steps on the simulated output, computed by the kernel
+    that the FMU runs; the search starts from a network that needs no tuning and never ends above its cost.
+    The "best" blending is the one with the lower cost, each with its own numbers.
+
+    Args:
+        name: C identifier; the FMU's default model identifier.
+        local: The local models.
+        training: Whole-range training data; nothing else is looked at. May be empty: then the choices fall
+            back on defaults, and say so.
+        settings: What is left open and what is given.
+        derived_outputs: Outputs computed from inputs and outputs.
+        tuning: Signals that count and limits of the search.
+        rest: Further fields of the parameter set.
+
+    Raises:
+        DataError: Columns are missing.
+        IdentificationError: A signal that does not exist.
+        ParameterSetError: Not a valid parameter set; every problem is named.
+    """
+    chosen = tuning or TuningSettings()
+    if not training:
+        fixed, choices = _without_data(settings)
+        return TunedNetwork(network(name, local, fixed, derived_outputs, **rest), choices, fixed, local)
+    if not settings.open_choices:
+        return TunedNetwork(network(name, local, settings, derived_outputs, **rest), (), settings, local)
+    found = []
+    for blending in ("parameter", "output") if settings.blending == "best" else (settings.blending,):
+        without = {"deviation_gain": 0.0} if blending == "output" else {}
+        trial = settings.model_copy(update={"blending": blending, **without})
+        example = network(name, local, _start(trial), derived_outputs)
+        found.append(_tuned(trial, example, Objective(example, training, chosen.signals), chosen))
+    best = min(found, key=lambda one: one.percent)  # the first wins a tie
+    choices = best.choices
+    if settings.blending == "best":
+        costs = ", ".join(f"{one.settings.blending} {one.percent:.4g} %" for one in found)
+        choices = (*choices, Choice("blending", best.settings.blending, f"smaller training error ({costs})"))
+    final = _in_tuned_coordinates(local, best)
+    parameter_set = network(name, final, best.settings, derived_outputs, **rest)
+    return TunedNetwork(parameter_set, choices, best.settings, final)
+
+
+def _in_tuned_coordinates(local: LocalModels, tuned: _Tuned) -> LocalModels:
+    if tuned.generator is None:
+        return local
+    partition = local.partition(tuned.settings)
+    return replace(local, models=tuple(transformed(local.models, partition, tuned.generator)))
+
+
+def _start(settings: NetworkSettings) -> NetworkSettings:
+    """Return the settings with neutral numbers where they are open: a network that needs no tuning."""
+    update = {key: _NEUTRAL[key] for key in settings.open_choices if key in _NEUTRAL}
+    return settings.model_copy(update=update | {"coordinates": "aligned"})
+
+
+def _without_data(settings: NetworkSettings) -> tuple[NetworkSettings, tuple[Choice, ...]]:
+    """Return what to do without whole-range training data."""
+    reason = "no whole-range training data to decide it on"
+    update: dict[str, Any] = {}
+    choices = []
+    for key in settings.open_choices:
+        if key == "warp":
+            update["validity"] = "cubic"
+            choices.append(Choice("validity", "cubic", f"{reason}, so the warp is left out"))
+        else:
+            update[key] = _DEFAULTS[key]
+            choices.append(Choice(key, _rounded(_DEFAULTS[key]), f"{reason}, so the default is taken"))
+    return settings.model_copy(update=update), tuple(choices)
+
+
+class _Coordinates:
+    """The open numbers of some settings as one vector of numbers of order one; zero is neutral."""
+
+    def __init__(self, settings: NetworkSettings, example: ParameterSet) -> None:
+        self.settings, self.partition = _start(settings), example.partition
+        self.states = example.state_count
+        self.reach = 0.5 * (self.partition.range[1] - self.partition.range[0])
+        sizes = {"k_sigma": 1, "warp": 2, "deviation_gain": 1, "coordinates": self.states**2}
+        useless = {"coordinates"} if len(example.local_models) == 1 else set()
+        self.names = tuple(key for key in sizes if key in settings.open_choices and key not in useless)
+        self.size = sum(sizes[key] for key in self.names)
+        self.few = self.size - (self.states**2 if "coordinates" in self.names else 0)
+
+    def at(self, x: Array) -> tuple[NetworkSettings, Candidate] | None:
+        """Return settings and candidate at x, None where the warped variable would fall.
+
+        Args:
+            x: All coordinates, or the first `few`: all but the motion of the state coordinates.
+        """
+        update: dict[str, Any] = {}
+        generator, rest = None, x.tolist()
+        for key in self.names:
+            if key == "warp":
+                update[key] = (rest.pop(0) / self.reach, rest.pop(0) / self.reach**2)
+                if not warp_rises(update[key], self.reach):
+                    return None
+            elif key == "k_sigma":
+                update[key] = _K_SIGMA_START * float(np.exp(rest.pop(0)))
+            elif key == "deviation_gain":
+                update[key] = rest.pop(0)
+            elif rest:
+                generator = np.array(rest).reshape(self.states, self.states)
+        settings = self.settings.model_copy(update=update)
+        fields = {key: value for key, value in update.items() if key in Partition.model_fields}
+        return settings, Candidate(self.partition.model_copy(update=fields), generator)
+
+
+def _tuned(
+    settings: NetworkSettings, example: ParameterSet, objective: Objective, tuning: TuningSettings
+) -> _Tuned:
+    """Return the settings with their open numbers tuned and a line for each.
+
+    First the few numbers of the validity functions, then, where they are open, all with the coordinates.
+    """
+    coordinates = _Coordinates(settings, example)
+    before = objective.cost(Candidate(example.partition))
+    x, after, steps = np.zeros(coordinates.few), before, 0
+    for size in sorted({coordinates.few, coordinates.size} - {0}):
+        found = _searched(coordinates, objective, np.append(x, np.zeros(size - x.size)), tuning)
+        x, after, steps = found.x, found.cost, steps + len(found.history) - 1
+    point = coordinates.at(x)
+    fixed, candidate = point if point is not None else (coordinates.settings, Candidate(example.partition))
+    percent = objective.percent(after)
+    reason = (
+        f"training error of {', '.join(objective.names)} {objective.percent(before):.4g} %"
+        f" -> {percent:.4g} % in {steps} steps"
+    )
+    choices = []
+    for key in coordinates.names:
+        if key == "coordinates":
+            choices.append(Choice(key, f"tuned ({coordinates.states**2} numbers)", reason))
+        else:
+            origin = f", from {_rounded(_NEUTRAL[key])}"
+            choices.append(Choice(key, _rounded(getattr(fixed, key)), reason + origin))
+    return _Tuned(fixed, candidate.generator, tuple(choices), percent)
+
+
+def _searched(
+    coordinates: _Coordinates, objective: Objective, start: Array, tuning: TuningSettings
+) -> Minimum:
+    """Return the minimum found from a start."""
+
+    def residuals(x: Array) -> Array | None:
+        point = coordinates.at(x)
+        return None if point is None else objective.residuals(point[1])
+
+    def cost(x: Array) -> float:
+        errors = residuals(x)
+        return np.inf if errors is None else float(errors @ errors)
+
+    bounds = np.full(start.size, -_LARGEST_COORDINATE), np.full(start.size, _LARGEST_COORDINATE)
+    return minimise(
+        cost,
+        lambda x: _normal_equations(residuals, x),
+        start,
+        bounds,
+        tuning.iterations,
+        tuning.tolerance,
+        largest_step=0.5,
+    )
+
+
+def _normal_equations(residuals: Callable[[Array], Array | None], x: Array) -> NormalEquations:
+    """Return cost, downhill gradient and Gauss-Newton matrix by one-sided differences."""
+    here = residuals(x)
+    if here is None:
+        return NormalEquations(np.inf, np.zeros(x.size), np.eye(x.size))
+    rows = np.zeros((x.size, here.size))
+    for index, direction in enumerate(np.eye(x.size)):
+        for step in (_STEP, -_STEP):  # the other side where there is no network on this one
+            there = residuals(x + step * direction)
+            if there is not None:
+                rows[index] = (here - there) / step
+                break
+    return NormalEquations(float(here @ here), rows @ here, rows @ rows.T)
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return tuple(_rounded(one) for one in value)
+    return float(f"{value:.6g}") if isinstance(value, float) else value

@@ -1,0 +1,150 @@
+"""Limits are judged as they read, and a study is the same over one process and over two."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cosimulation.settings import STUDIES, load_settings, parse_settings
+from cosimulation.study import run_study
+from cosimulation.study.job import STUDIES as KNOWN
+from cosimulation.study.limits import Limit, judge
+from cosimulation.study.page import colour
+from fmu_builder.errors import SettingsError
+from identification.scores import FIELDS
+
+SMALL = """
+title = "Small"
+sets = ["Blow"]
+seeds = [3, 4]
+duration = 8.0
+whole_range_duration = 12.0
+processes = {processes}
+
+[[configurations]]
+name = "hat"
+network = {{ validity = "hat", blending = "parameter" }}
+noises = ["none", "1e-5 m, 1e-3 m/s"]
+
+[[configurations]]
+name = "thesis"
+network = {{ validity = "gaussian", blending = "output", offsets = "low_pass" }}
+
+[[own_operating_point]]
+route = "own"
+subspace = {{ order = 6, block_rows = 30 }}
+
+[[limits]]
+label = "reachable"
+where = {{ wbm = "Blow", route = "hat", noise = "none", signal = "F_p" }}
+median = 50.0
+
+[[limits]]
+label = "out of reach"
+where = {{ wbm = "Blow", route = "hat", noise = "none", signal = "F_p" }}
+worst = 100.0
+"""
+
+
+def record(**changes: Any) -> dict[str, Any]:
+    fixed = {"wbm": "A", "split": "test", "signal": "F_p", "llms": 4}
+    return {**dict.fromkeys(FIELDS), **fixed, **changes}
+
+
+def test_median_and_worst_are_over_seeds() -> None:
+    records = [record(seed=seed, fit=fit) for seed, fit in enumerate((90.0, 95.0, 99.0))]
+    verdict = judge(Limit(label="x", where={"wbm": "A"}, median=95.0, worst=90.0), records)
+    assert (verdict.median, verdict.worst, verdict.seeds, verdict.passed) == (95.0, 90.0, 3, True)
+    assert judge(Limit(label="x", where={"wbm": "A"}, worst=90.1), records).passed is False
+    assert judge(Limit(label="x", where={"wbm": "A"}, median=95.1), records).passed is False
+
+
+def test_alternatives_of_one_seed_are_combined_as_asked() -> None:
+    records = [record(seed=1, fit=fit, llms=llms) for llms, fit in ((4, 90.0), (6, 99.0))]
+    assert judge(Limit(label="x", where={"wbm": "A"}), records).median == 99.0
+    assert judge(Limit(label="x", where={"wbm": "A"}, combine="worst"), records).median == 90.0
+
+
+def test_validation_data_and_other_models_do_not_count() -> None:
+    records = [
+        record(seed=1, fit=50.0),
+        record(seed=2, fit=99.0, split="validation"),
+        record(seed=3, fit=9.0, wbm="B"),
+    ]
+    assert judge(Limit(label="x", where={"wbm": "A"}), records).seeds == 1
+
+
+def test_differences_are_taken_seed_by_seed() -> None:
+    records = [record(seed=1, fit=90.0), record(seed=2, fit=80.0)]
+    records += [record(seed=1, fit=89.0, blending="output"), record(seed=2, fit=81.0, blending="output")]
+    limit = Limit(label="x", where={"blending": None}, less={"blending": "output"}, worst=0.0)
+    verdict = judge(limit, records)
+    assert (verdict.worst, verdict.passed) == (-1.0, False)
+
+
+def test_a_difference_to_a_model_that_failed_does_not_pass() -> None:
+    records = [record(seed=1, fit=90.0), record(seed=1, fit=None, blending="output")]
+    limit = Limit(label="x", where={"blending": None}, less={"blending": "output"}, worst=-1.0, median=-1.0)
+    assert judge(limit, records).passed is False
+
+
+def test_a_model_that_fails_is_the_worst_and_no_data_never_pass() -> None:
+    verdict = judge(Limit(label="x", where={"wbm": "A"}, worst=0.0), [record(seed=1, fit=None)])
+    assert verdict.passed is False
+    assert judge(Limit(label="x", where={"wbm": "none such"}, worst=0.0), []).passed is False
+    assert judge(Limit(label="x", where={"wbm": "A"}), [record(seed=1, fit=1.0)]).passed is None
+
+
+def test_a_limit_on_a_field_that_does_not_exist_is_an_error() -> None:
+    with pytest.raises(KeyError, match="wmb"):
+        judge(Limit(label="x", where={"wmb": "A"}), [])
+
+
+def test_colours_go_from_red_over_yellow_to_green() -> None:
+    assert colour(-5.0) == colour(0.0) != colour(50.0) != colour(100.0)
+
+
+@pytest.mark.parametrize("name", sorted(KNOWN))
+def test_the_settings_that_come_with_a_study_are_valid_and_their_limits_can_be_met(name: str) -> None:
+    settings = load_settings(KNOWN[name].settings, STUDIES / f"{name}.toml")
+    assert len(settings.seeds) == 8
+    known = {one.name for one in getattr(settings, "configurations", ())}
+    known |= {one.route for one in getattr(settings, "own_operating_point", ())}
+    for limit in settings.limits:
+        assert {limit.where["route"]} <= known
+        assert not limit.less or limit.less["route"] in known
+
+
+def test_an_unknown_study_is_answered_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="order, blending"):
+        run_study("ordre", tmp_path / "x")
+    with pytest.raises(SettingsError, match="configurations"):
+        parse_settings(KNOWN["blending"].settings, {"title": "x"}, "test")
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    folders = {}
+    for processes in (1, 2):
+        folder = tmp_path_factory.mktemp(f"study{processes}")
+        (folder / "small.toml").write_text(SMALL.format(processes=processes), encoding="utf-8")
+        result = run_study("blending", folder / "out", folder / "small.toml")
+        assert [verdict.passed for verdict in result.verdicts] == [True, False]
+        folders[processes] = folder / "out"
+    return folders
+
+
+def test_processes_change_nothing(small: dict[int, Path]) -> None:
+    one, two = (json.loads((small[count] / "scores.json").read_text(encoding="utf-8")) for count in (1, 2))
+    assert one == two
+    assert all(tuple(item) == FIELDS for item in one)
+
+
+def test_the_page_shows_limits_and_every_configuration(small: dict[int, Path]) -> None:
+    page = (small[2] / "report.html").read_text(encoding="utf-8")
+    for word in ("reachable", "out of reach", ">pass<", ">FAIL<", "hat, 4 LLM", "thesis, 4 LLM", "own, OP45"):
+        assert word in page
+    assert "<script" not in page

@@ -1,0 +1,89 @@
+"""What does not fit an FMU is refused before it runs: types, units, start values."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.whole_path import WholePath
+from cosimulation.fmu_driver import running_fmu
+from cosimulation.fmu_file import open_fmu, same_unit
+from cosimulation.validate import validate_fmu
+from fmu_builder.errors import DataError, FmuError, SettingsError
+from identification.data_set import DataSet
+
+
+def recorded(path: Path, unit: str = "m", names: tuple[str, ...] = ("eta", "M_pa", "xi")) -> Path:
+    rows = np.tile([1.5, 1310.9, 1.5007], (60, 1)) + np.linspace(0.0, 0.01, 60)[:, None]
+    return DataSet("short", 1e-3, names, (unit, "Nm", "m"), rows).save(path)
+
+
+def with_integer_input(source: Path, target: Path) -> Path:
+    """Return an FMU whose description says that the torque is an Integer."""
+    with zipfile.ZipFile(source) as archive, zipfile.ZipFile(target, "w") as copy:
+        for name in archive.namelist():
+            content = archive.read(name)
+            if name == "modelDescription.xml":
+                text = content.decode()
+                begin = text.index("<ScalarVariable", text.index('name="eta"'))
+                end = text.index("</ScalarVariable>", begin)
+                variable = text[begin : text.index("<Real", begin)].replace("continuous", "discrete")
+                assert 'name="M_pa"' in variable
+                content = (text[:begin] + variable + '<Integer start="1310"/>' + text[end:]).encode()
+            copy.writestr(name, content)
+    return target
+
+
+def test_a_column_in_another_unit_is_refused(blow: WholePath, tmp_path: Path) -> None:
+    model = blow.fmus["pantograph_n4sid_blow"]
+    assert validate_fmu(model, [recorded(tmp_path / "good.npz")]).records  # Nm stands for N.m
+    with pytest.raises(DataError, match="'eta' in 'mm'"):
+        validate_fmu(model, [recorded(tmp_path / "bad.npz", unit="mm")])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [("N.m", "Nm", True), ("N*m", "N.m", True), ("", "m", True), (None, "m", True), ("mm", "m", False)],
+)
+def test_units_are_compared_as_far_as_they_are_known(one: str | None, other: str, same: bool) -> None:
+    assert same_unit(one, other) is same
+
+
+def test_an_input_that_is_not_real_is_not_passed_over(blow: WholePath, tmp_path: Path) -> None:
+    fmu = with_integer_input(blow.white_box, tmp_path / "integer.fmu")
+    with pytest.raises(DataError, match="type Integer"):
+        validate_fmu(fmu, [recorded(tmp_path / "data.npz")])
+    with open_fmu(fmu) as opened, running_fmu(opened) as instance, pytest.raises(FmuError, match="not Real"):
+        instance.run(np.array([[1310.0]]), ["M_pa"], ["xi"], 1e-3)
+
+
+def test_start_values_need_the_reference_they_are_of(blow: WholePath, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="--start"):
+        validate_fmu(blow.white_box, [recorded(tmp_path / "data.npz")], None, {"preset": "Blow"})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("inner_step", "fast"),
+        ("inner_step", float("nan")),
+        ("preset", 1.5),
+        ("preset", True),
+        ("preset", "C"),
+    ],
+)
+def test_a_start_value_of_another_type_is_refused(blow: WholePath, name: str, value: float | str) -> None:
+    with open_fmu(blow.white_box) as fmu, running_fmu(fmu) as instance, pytest.raises(FmuError, match=name):
+        instance.initialise({name: value})
+
+
+def test_text_is_read_as_the_type_of_the_start_value(blow: WholePath) -> None:
+    forces = []
+    for preset, step in (("Blow", "1e-3"), (4.0, 0.001)):
+        with open_fmu(blow.white_box) as fmu, running_fmu(fmu) as instance:
+            instance.initialise({"preset": preset, "inner_step": step})
+            forces.append(instance.get(["F_p"])[0])
+    assert forces[0] == forces[1]

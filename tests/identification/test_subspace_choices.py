@@ -1,0 +1,155 @@
+"""What the estimator decides by itself: stated, reasonable, and never against a setting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_plants import (
+    THREE_MASS_OUTPUTS,
+    asymmetric,
+    asymmetric_data,
+    recorded,
+    three_mass_data,
+)
+from pydantic import ValidationError
+
+from fmu_builder.errors import IdentificationError
+from identification.excitation import random_stream, with_measurement_noise
+from identification.local_model import LocalModel
+from identification.n4sid import N4sidSettings, identify
+from identification.subspace import SubspaceSettings, estimate
+from identification.subspace.projection import clear_order
+
+NAMES = asymmetric().inputs, asymmetric().outputs
+INPUTS = ("eta", "M_pa")
+NOISE = {"xi": 1e-5, "zeta": 1e-5, "xi_dot": 1e-3, "zeta_dot": 1e-3}
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-4, 1e-3, 1e-2, 0.1])
+def test_order_is_found_at_any_noise(level: float) -> None:
+    data = asymmetric_data(4, 6000)
+    size = dict(zip(data.names, data.values.std(axis=0), strict=True))
+    data = with_measurement_noise(data, {name: level * size[name] for name in ("angle", "speed")}, 4)
+    model = estimate([data], *NAMES)
+    assert model.order == 5
+    first = model.diagnostics["choices"][0]
+    assert first.startswith("order 5: the last clear drop of the singular values follows it")
+
+
+@pytest.mark.parametrize("factor", [1.0, 10.0])
+def test_order_of_lightly_damped_plant(factor: float) -> None:
+    noise = {name: factor * size for name, size in NOISE.items()}
+    data = with_measurement_noise(three_mass_data(3, duration=20.0), noise, 3)
+    assert estimate([data], INPUTS, THREE_MASS_OUTPUTS).order == 6
+
+
+def test_rule_of_the_order() -> None:
+    assert clear_order(np.array([1e6, 1e5, 1e4, 1e-1, 1e-2]), 0.5)[0] == 3
+    # a weak but clear state after a larger drop: the last drop of at least half the largest counts
+    assert clear_order(np.array([1e6, 1e3, 1e2, 1e-3]), 1.0)[0] == 3
+    assert clear_order(np.array([1e6, 1e2, 3e1, 1e1, 1e-3]), 9.0)[0] == 1
+    # drops below the noise level are none, nor is the end of what is shown
+    assert clear_order(np.array([1e5, 1e4, 1e-2, 1e-9, 1e-20]), 1e-1)[0] == 2
+    assert clear_order(np.array([1e5, 1e4]), 1e-1)[0] == 2
+    with pytest.raises(IdentificationError, match="no singular value exceeds the noise"):
+        clear_order(np.array([0.4, 0.3]), 0.5)
+
+
+def test_outputs_that_do_not_follow_the_inputs_have_no_order() -> None:
+    data = asymmetric_data(1, 4000)
+    noise = random_stream(8).standard_normal((4000, 2))
+    deaf = replace(data, values=np.column_stack([data.values[:, :3], noise]))
+    with pytest.raises(IdentificationError, match="exceeds the noise"):
+        estimate([deaf], *NAMES)
+
+
+def test_block_rows_are_those_of_the_smallest_error() -> None:
+    data = with_measurement_noise(three_mass_data(3, duration=20.0), NOISE, 3)
+    model = estimate([data], INPUTS, THREE_MASS_OUTPUTS, SubspaceSettings(order=6))
+    search = dict(model.diagnostics["block_row_search"])
+    assert len(search) > 1
+    assert model.diagnostics["block_rows"] == min(search, key=lambda s: search[s])
+    for block_rows, error in search.items():
+        chosen = SubspaceSettings(order=6, block_rows=int(block_rows))
+        given = estimate([data], INPUTS, THREE_MASS_OUTPUTS, chosen)
+        assert given.diagnostics["simulation_error"] == pytest.approx(error, rel=1e-9)
+        assert given.diagnostics["choices"] == [] and given.diagnostics["block_row_search"] == []
+    line = model.diagnostics["choices"][0]
+    assert line.startswith(f"block rows {model.diagnostics['block_rows']}: smallest simulation error")
+    assert all(f"{s}: " in line for s in search)
+
+
+def test_short_data_get_short_windows() -> None:
+    model = estimate([asymmetric_data(1, 240)], *NAMES)
+    assert model.order == 5 and model.diagnostics["block_rows"] <= 20
+    tight = estimate([asymmetric_data(1, 100)], *NAMES, SubspaceSettings(order=5))
+    assert tight.diagnostics["block_rows"] <= 8
+
+
+def test_inputs_that_excite_few_samples_get_short_windows() -> None:
+    """A sum of sines excites only as many samples in a row as it has lines (eq. 3.71)."""
+    data = asymmetric_data(1, 4000)
+    time = np.arange(4000) * data.sample_time
+    lines = random_stream(5).permutation(np.arange(1, 46) * 2.1)
+    values = data.matrix(asymmetric().inputs) * 0.0 + asymmetric().input_operating_point
+    for k in range(3):
+        phases = random_stream(6, k).uniform(0.0, 2.0 * np.pi, 15)
+        values[:, k] += np.sin(2.0 * np.pi * np.outer(time, lines[15 * k : 15 * k + 15]) + phases).sum(axis=1)
+    inputs = replace(data, names=data.names[:3], units=data.units[:3], values=values)
+    data = recorded(asymmetric(), inputs, ("rad", "rad/s"))
+    with pytest.raises(IdentificationError, match=r"do not excite 100 samples in a row .*eq\. 3\.71"):
+        estimate([data], *NAMES, SubspaceSettings(order=5, block_rows=50))
+    model = estimate([data], *NAMES)
+    assert model.order == 5 and model.diagnostics["block_rows"] <= 15
+    assert model.diagnostics["excitation"]["samples_in_a_row"] == 2 * model.diagnostics["block_rows"]
+
+
+def test_what_is_set_is_not_chosen() -> None:
+    data = three_mass_data(3, duration=6.0)
+    model = estimate([data], INPUTS, THREE_MASS_OUTPUTS, SubspaceSettings(order=6, block_rows=31))
+    assert model.diagnostics["choices"] == [] and model.diagnostics["block_rows"] == 31
+    rows = estimate([data], INPUTS, THREE_MASS_OUTPUTS, SubspaceSettings(block_rows=31)).diagnostics
+    assert len(rows["choices"]) == 1 and rows["choices"][0].startswith("order 6")
+    for wrong in ({"order": 0}, {"block_rows": 1}, {"order": "many"}, {"method": "SVD"}):
+        with pytest.raises(ValidationError):
+            SubspaceSettings(**wrong)
+
+
+def test_diagnostics_say_what_was_seen() -> None:
+    diagnostics = estimate([asymmetric_data(1)], *NAMES, SubspaceSettings(order=5, block_rows=20)).diagnostics
+    assert (diagnostics["method"], diagnostics["instrument"], diagnostics["weighting"]) == (
+        "CVA",
+        "past",
+        "cva",
+    )
+    values = diagnostics["singular_values"]
+    assert values == sorted(values, reverse=True) and values[4] > 0.9 > 1e-3 > values[5]
+    excitation = diagnostics["excitation"]
+    assert excitation["rank"] == 5 + 20 * 3 and 0.1 < excitation["smallest_eigenvalue"] < 1.0
+    assert len(diagnostics["strengths"]) == len(values)
+
+
+def test_local_models_that_are_blended_get_one_order() -> None:
+    """A third mode far weaker in one height: alone it would get fewer states."""
+    few = asymmetric()
+    hidden = LocalModel(
+        few.A[:4, :4], few.B[:4], few.C[:, :4], few.D, 0.004, *NAMES,
+        few.input_operating_point, few.output_operating_point,
+    )  # fmt: skip
+    data = []
+    for centre, plant in ((-6.0, few), (2.0, hidden)):
+        values = [0.5, centre, 30.0] + random_stream(4).standard_normal((3000, 3)) * [0.1, 0.5, 2.0]
+        base = asymmetric_data(1, 3000)
+        inputs = replace(base, names=NAMES[0], units=base.units[:3], values=values)
+        clean = recorded(plant, inputs, ("rad", "rad/s"))
+        data.append(with_measurement_noise(clean, {"angle": 1e-3, "speed": 1e-3}, 1, (int(centre) + 9,)))
+    chosen = N4sidSettings(
+        inputs=NAMES[0], outputs=NAMES[1], scheduling="load", low=-10.0, high=6.0, local_models=2,
+        operating_point={"drive": 0.5, "load": -2.0, "heat": 30.0},
+    )  # fmt: skip
+    assert estimate([data[1]], *NAMES).order == 4
+    models = identify(data, chosen).models
+    assert [model.order for model in models] == [5, 5]
+    assert any(line.startswith("order 5: as the largest") for line in models[1].diagnostics["choices"])

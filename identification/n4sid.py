@@ -13,6 +13,7 @@ from fmu_builder.errors import DataError, IdentificationError, Problem
 from fmu_builder.parameter_set import DerivedOutput, InputSignal, OutputSignal, ParameterSet, Partition
 from identification import static_map as maps
 from identification.arrays import Array
+from identification.choice import Choice
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.network import NetworkSettings, assemble, partition_of, signals_of
@@ -75,6 +76,19 @@ class LocalModels:
     static_map: StaticMap
     output_scale: Array
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """What was chosen automatically for every local model, by keys of `N4sidSettings`."""
+        return tuple(
+            Choice(f"subspace.{one['name']}", one["value"], one["reason"], self.place(index))
+            for index, model in enumerate(self.models)
+            for one in model.diagnostics.get("choices", ())
+        )
+
+    def place(self, index: int) -> str:
+        """Return where a local model stands, as in "eta = 0.75"."""
+        return f"{self.settings.scheduling} = {self.centres[index]:g}"
 
     def partition(self, settings: NetworkSettings) -> Partition:
         """Return the partition these local models get from the settings of a network.
@@ -183,9 +197,9 @@ def _of_one_order(
         if model.order == highest:
             result.append(model)
             continue
-        why = f"order {highest}: as the largest of the local models, {model.order} would do here"
+        why = f"as the largest of the local models, {model.order} would do here"
         again = estimate(group, settings.inputs, settings.outputs, subspace)
-        again.diagnostics["choices"].insert(0, why)
+        again.diagnostics["choices"].insert(0, Choice("order", highest, why).record())
         result.append(again)
     return result
 

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from fmu_builder.parameter_set import DerivedOutput, ParameterSet, Partition, warp_rises
 from identification.arrays import Array
+from identification.choice import Choice
 from identification.data_set import DataSet
 from identification.n4sid import LocalModels, network
 from identification.network import NetworkSettings
@@ -37,24 +38,6 @@ class TuningSettings(BaseModel):
     )
     iterations: int = Field(default=8, ge=1, description="most steps of a search")
     tolerance: float = Field(default=0.01, gt=0.0, description="relative gain that ends a search")
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One thing that was chosen automatically.
-
-    Attributes:
-        name: Name of the setting that overrides it.
-        value: What was chosen.
-        reason: Why, for a person.
-    """
-
-    name: str
-    value: Any
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.name} = {self.value}: {self.reason}"
 
 
 class TunedNetwork(NamedTuple):

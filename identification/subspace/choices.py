@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmu_builder.errors import IdentificationError
+from identification.choice import Choice
 from identification.subspace.covariance import LaggedSums
 from identification.subspace.preparation import ScaledData, least_block_rows
 from identification.subspace.projection import Projection, clear_order, project
@@ -36,15 +37,17 @@ class Chosen:
 
     Attributes:
         projection: The decomposition at the chosen block rows.
+        seen: The decomposition that the order was read from; `projection` where the order was given.
         order: States of the model.
         search: Pairs of block rows and simulation error (infinite: no usable model), as they were compared.
-        reasons: One line per automatic choice.
+        choices: The automatic ones, by the settings that override them.
     """
 
     projection: Projection
+    seen: Projection
     order: int
     search: tuple[tuple[int, float], ...]
-    reasons: tuple[str, ...]
+    choices: tuple[Choice, ...]
 
 
 def choose(data: ScaledData, settings: SubspaceSettings) -> Chosen:
@@ -64,18 +67,20 @@ def choose(data: ScaledData, settings: SubspaceSettings) -> Chosen:
     given = settings.block_rows
     lengths = candidates(data, known, settings) if given == "auto" else [given]
     windows = _Windows(data, settings, max(lengths))
-    reasons: list[str] = []
+    made: list[Choice] = []
+    seen = None
     if settings.order == "auto":
-        order, reason = _automatic_order(windows, lengths, settings)
-        reasons.append(reason)
+        order, reason, seen = _automatic_order(windows, lengths, settings)
+        made.append(Choice("order", order, reason))
     else:
         order = settings.order
     if given != "auto":
-        return Chosen(windows.at(given), order, (), tuple(reasons))
+        projection = windows.at(given)
+        return Chosen(projection, seen or projection, order, (), tuple(made))
     least = least_block_rows(max(order, settings.high_order or 0), data.shape[1])
     projection, search = _search(windows, [s for s in lengths if s >= least] or [least], order)
-    reasons.append(_reason(projection.block_rows, search))
-    return Chosen(projection, order, tuple(search), tuple(reasons))
+    made.append(Choice("block_rows", projection.block_rows, _reason(search)))
+    return Chosen(projection, seen or projection, order, tuple(search), tuple(made))
 
 
 def candidates(data: ScaledData, order: int, settings: SubspaceSettings) -> list[int]:
@@ -116,7 +121,10 @@ class _Windows:
         return simulation_error(data, fit_inputs(A, C, data.inputs, data.outputs, self.settings.feed_through))
 
 
-def _automatic_order(windows: _Windows, lengths: list[int], settings: SubspaceSettings) -> tuple[int, str]:
+def _automatic_order(
+    windows: _Windows, lengths: list[int], settings: SubspaceSettings
+) -> tuple[int, str, Projection]:
+    """Return order, reason, and the decomposition it was read from."""
     refusals: list[IdentificationError] = []
     # windows that fill the data leave nothing to tell states from noise
     roomy = min(PILOT, windows.data.most_block_rows // 2)
@@ -131,8 +139,8 @@ def _automatic_order(windows: _Windows, lengths: list[int], settings: SubspaceSe
         if settings.high_order is not None:
             most = min(most, settings.high_order - 1)
         if order > most:
-            return most, f"order {most}: as many as high_order and {block_rows} block rows leave of {order}"
-        return order, f"order {order}: {why}"
+            return most, f"as many as high_order and {block_rows} block rows leave of {order}", seen
+        return order, why, seen
     raise refusals[0]
 
 
@@ -160,10 +168,10 @@ def _search(windows: _Windows, lengths: list[int], order: int) -> tuple[Projecti
     return windows.at(min(search, key=lambda item: item[1])[0]), search
 
 
-def _reason(block_rows: int, search: list[tuple[int, float]]) -> str:
+def _reason(search: list[tuple[int, float]]) -> str:
     if len(search) == 1:
-        return f"block rows {block_rows}: the only length that the data and the order allow"
+        return "the only length that the data and the order allow"
     compared = ", ".join(
         f"{s}: {100.0 * error:.4g} %" if error < _UNUSABLE else f"{s}: no stable model" for s, error in search
     )
-    return f"block rows {block_rows}: smallest simulation error on the training data ({compared})"
+    return f"smallest simulation error on the training data ({compared})"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from identification.arrays import Array
+from identification.choice import Choice
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.scores import scored_rows
@@ -44,13 +45,13 @@ def estimate(
         settings: Settings; default `SubspaceSettings()`.
 
     Returns:
-        The model. Its diagnostics: `choices` (every automatic choice with its reason, one line each),
-        `method`, `instrument`, `weighting`, `order`, `block_rows`, `singular_values` (the first of them;
-        for CVA canonical correlations), `strengths` (of each, against noise; see `projection`) and
-        `noise_level` (what noise alone would show), `excitation` (eq. 3.71), `block_row_search` (block rows
-        and simulation errors compared), `hankel_singular_values` (after a reduction), `training_fit` [%]
-        per output, `simulation_error` (rms over the std of the outputs), `spectral_radius`, `rows`,
-        `input_scale`, `output_scale`.
+        The model. Its diagnostics: `choices` (the automatic ones: `Choice.record`),
+        `method`, `instrument`, `weighting`, `order`, `block_rows`, `singular_values` (the first of those that
+        the order was read from; for CVA canonical correlations), `strengths` (of each, against noise; see
+        `projection`), `noise_level` (what noise alone would show) and `seen_block_rows` (of these windows),
+        `excitation` (eq. 3.71), `block_row_search` (block rows and simulation errors compared),
+        `hankel_singular_values` (after a reduction), `training_fit` [%] per output, `simulation_error` (rms
+        over the std of the outputs), `spectral_radius`, `rows`, `input_scale`, `output_scale`.
 
     Raises:
         DataError: Columns are missing.
@@ -70,18 +71,19 @@ def _matrices(
     data: ScaledData, chosen: Chosen, settings: SubspaceSettings
 ) -> tuple[Array, Array, dict[str, Any]]:
     """Return A and C, and what reduction and stabilisation add to the diagnostics."""
-    choices = list(chosen.reasons)
-    found: dict[str, Any] = {"choices": choices}
+    choices = list(chosen.choices)
+    found: dict[str, Any] = {}
     # a pole that decays by less than 1 / e over all rows cannot be told from one on the circle
     largest = 1.0 - 1.0 / data.rows
     A, C = chosen.projection.state_and_output_matrix(settings.high_order or chosen.order)
     if settings.high_order is not None:
         A, moved = reflected(A, largest)
         if moved:
-            choices.append(
-                f"poles: {moved} of {settings.high_order} reflected into the unit circle "
+            reason = (
+                f"{moved} of {settings.high_order} poles reflected into the unit circle "
                 "before the reduction, which needs a stable model"
             )
+            choices.append(Choice("high_order", settings.high_order, reason))
         high = fit_inputs(A, C, data.inputs, data.outputs, settings.feed_through)
         reduced = balanced_reduction(A, high.B, C, high.D, chosen.order, settings.reduction)
         A, C = reduced.A, reduced.C
@@ -91,15 +93,17 @@ def _matrices(
     if settings.stabilisation == "reflect":
         A, moved = reflected(A, largest)
         if moved:
-            choices.append(f"poles: {moved} of {len(A)} reflected into the unit circle, as asked for")
+            reason = f"{moved} of {len(A)} poles reflected into the unit circle, as asked for"
+            choices.append(Choice("stabilisation", "reflect", reason))
     refuse_unstable(A)
+    found["choices"] = [choice.record() for choice in choices]
     return A, C, found
 
 
 def _diagnostics(
     data: ScaledData, chosen: Chosen, settings: SubspaceSettings, result: Regression
 ) -> dict[str, Any]:
-    projection = chosen.projection
+    projection, seen = chosen.projection, chosen.seen
     instrument, weighting = settings.combination
     m, depth = data.shape[0], projection.block_rows * (1 if instrument == "none" else 2)
     return {
@@ -109,9 +113,10 @@ def _diagnostics(
         "order": chosen.order,
         "block_rows": projection.block_rows,
         "block_row_search": [list(item) for item in chosen.search],
-        "singular_values": projection.singular_values.tolist(),
-        "strengths": projection.strengths.tolist(),
-        "noise_level": projection.noise_level,
+        "singular_values": seen.singular_values.tolist(),
+        "strengths": seen.strengths.tolist(),
+        "noise_level": seen.noise_level,
+        "seen_block_rows": seen.block_rows,
         "excitation": {
             "smallest_eigenvalue": projection.excitation,
             "samples_in_a_row": depth,

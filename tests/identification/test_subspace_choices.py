@@ -20,6 +20,7 @@ from identification.excitation import random_stream, with_measurement_noise
 from identification.local_model import LocalModel
 from identification.n4sid import N4sidSettings, identify
 from identification.subspace import SubspaceSettings, estimate
+from identification.subspace.choices import PILOT
 from identification.subspace.projection import clear_order
 
 NAMES = asymmetric().inputs, asymmetric().outputs
@@ -35,7 +36,8 @@ def test_order_is_found_at_any_noise(level: float) -> None:
     model = estimate([data], *NAMES)
     assert model.order == 5
     first = model.diagnostics["choices"][0]
-    assert first.startswith("order 5: the last clear drop of the singular values follows it")
+    assert (first["name"], first["value"]) == ("order", 5)
+    assert first["reason"].startswith("the last clear drop of the singular values follows it")
 
 
 @pytest.mark.parametrize("factor", [1.0, 10.0])
@@ -77,8 +79,9 @@ def test_block_rows_are_those_of_the_smallest_error() -> None:
         assert given.diagnostics["simulation_error"] == pytest.approx(error, rel=1e-9)
         assert given.diagnostics["choices"] == [] and given.diagnostics["block_row_search"] == []
     line = model.diagnostics["choices"][0]
-    assert line.startswith(f"block rows {model.diagnostics['block_rows']}: smallest simulation error")
-    assert all(f"{s}: " in line for s in search)
+    assert (line["name"], line["value"]) == ("block_rows", model.diagnostics["block_rows"])
+    assert line["reason"].startswith("smallest simulation error")
+    assert all(f"{s}: " in line["reason"] for s in search)
 
 
 def test_short_data_get_short_windows() -> None:
@@ -111,7 +114,8 @@ def test_what_is_set_is_not_chosen() -> None:
     model = estimate([data], INPUTS, THREE_MASS_OUTPUTS, SubspaceSettings(order=6, block_rows=31))
     assert model.diagnostics["choices"] == [] and model.diagnostics["block_rows"] == 31
     rows = estimate([data], INPUTS, THREE_MASS_OUTPUTS, SubspaceSettings(block_rows=31)).diagnostics
-    assert len(rows["choices"]) == 1 and rows["choices"][0].startswith("order 6")
+    (only,) = rows["choices"]
+    assert (only["name"], only["value"]) == ("order", 6)
     for wrong in ({"order": 0}, {"block_rows": 1}, {"order": "many"}, {"method": "SVD"}):
         with pytest.raises(ValidationError):
             SubspaceSettings(**wrong)
@@ -128,7 +132,18 @@ def test_diagnostics_say_what_was_seen() -> None:
     assert values == sorted(values, reverse=True) and values[4] > 0.9 > 1e-3 > values[5]
     excitation = diagnostics["excitation"]
     assert excitation["rank"] == 5 + 20 * 3 and 0.1 < excitation["smallest_eigenvalue"] < 1.0
-    assert len(diagnostics["strengths"]) == len(values)
+    assert len(diagnostics["strengths"]) == len(values) and diagnostics["seen_block_rows"] == 20
+
+
+def test_what_is_seen_is_what_the_order_was_read_from() -> None:
+    """Block rows that are chosen after the order do not change the strengths that are shown for it."""
+    data = with_measurement_noise(three_mass_data(3, duration=20.0), NOISE, 3)
+    found = estimate([data], INPUTS, THREE_MASS_OUTPUTS).diagnostics
+    order, _ = clear_order(np.array(found["strengths"]), found["noise_level"])
+    assert order == found["order"] and found["seen_block_rows"] == PILOT
+    again = SubspaceSettings(order=6, block_rows=PILOT)
+    given = estimate([data], INPUTS, THREE_MASS_OUTPUTS, again).diagnostics
+    assert found["strengths"] == pytest.approx(given["strengths"], rel=1e-6)
 
 
 def test_local_models_that_are_blended_get_one_order() -> None:
@@ -150,6 +165,8 @@ def test_local_models_that_are_blended_get_one_order() -> None:
         operating_point={"drive": 0.5, "load": -2.0, "heat": 30.0},
     )  # fmt: skip
     assert estimate([data[1]], *NAMES).order == 4
-    models = identify(data, chosen).models
-    assert [model.order for model in models] == [5, 5]
-    assert any(line.startswith("order 5: as the largest") for line in models[1].diagnostics["choices"])
+    local = identify(data, chosen)
+    assert [model.order for model in local.models] == [5, 5]
+    orders = [choice for choice in local.choices if choice.name == "subspace.order"]
+    assert [(choice.place, choice.value) for choice in orders] == [("load = -6", 5), ("load = 2", 5)]
+    assert orders[1].reason == "as the largest of the local models, 4 would do here"

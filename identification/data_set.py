@@ -20,6 +20,9 @@ from fmu_builder.errors import DataError, Problem
 from identification import data_file
 from identification.arrays import Array, read_only
 
+_SAME_TIME = 1e-6
+"""Relative difference of sample times that comes from writing them down."""
+
 
 def _shape_problems(place: str, data: DataSet) -> list[Problem]:
     found = []
@@ -149,6 +152,26 @@ class DataSet:
         units = dict(zip(self.names, self.units, strict=True))
         values = self.matrix(wanted)
         return replace(self, names=wanted, units=tuple(units[name] for name in wanted), values=values)
+
+    def scale_problems(self, sample_time: float, names: Sequence[str], units: Sequence[str]) -> list[Problem]:
+        """Return why the data set cannot be used together with signals of other origin.
+
+        Args:
+            sample_time: Their sample time [s].
+            names: Their names; those the data set does not have are not looked at.
+            units: Their units ("" where none is known).
+        """
+        place = f"data set {self.name!r}"
+        found = []
+        if not math.isclose(self.sample_time, sample_time, rel_tol=_SAME_TIME):
+            what = f"has the sample time {self.sample_time:g} s, not {sample_time:g} s like the others"
+            found.append(Problem(place, what, "Resample it"))
+        own = dict(zip(self.names, self.units, strict=True))
+        for name, unit in zip(names, units, strict=True):
+            if unit and own.get(name) and own[name] != unit:
+                what = f"has {name!r} in {own[name]!r}, the others in {unit!r}"
+                found.append(Problem(place, what, "Convert it, or write all its units alike"))
+        return found
 
     def rows(self, first: int, stop: int) -> DataSet:
         """Return rows first .. stop - 1 (counted from 0) as a data set whose time starts at 0 again."""

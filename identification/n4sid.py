@@ -29,7 +29,7 @@ _OFF_CENTRE = 0.1
 class N4sidSettings(BaseModel):
     """What is identified from which signals; the defaults are the pantograph's."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     inputs: tuple[str, ...] = ("eta", "M_pa")
     outputs: tuple[str, ...] = ("xi", "xi_dot", "zeta", "zeta_dot")
@@ -116,13 +116,13 @@ def identify(
         descriptions: One line per signal, for readers of the FMU.
 
     Raises:
-        DataError: Columns are missing.
+        DataError: Columns are missing, sample times or units differ.
         IdentificationError: A centre without experiment, an experiment off its centre, or what the estimator
             refuses; all centres are looked at before it is raised.
     """
     chosen = settings or N4sidSettings()
     centres = chosen.positions
-    _refuse_missing_columns(experiments, (*chosen.inputs, *chosen.outputs))
+    _refuse_unlike(experiments, (*chosen.inputs, *chosen.outputs))
     groups = _grouped(experiments, centres, chosen)
     models, found = [], []
     for centre, group in zip(centres, groups, strict=True):
@@ -204,13 +204,18 @@ def _of_one_order(
     return result
 
 
-def _refuse_missing_columns(experiments: Sequence[DataSet], names: Sequence[str]) -> None:
+def _refuse_unlike(experiments: Sequence[DataSet], names: Sequence[str]) -> None:
+    """Refuse experiments that lack columns, or have another sample time or other units than the first."""
     found: list[Problem] = []
     for data in experiments:
         try:
             data.matrix(names)
         except DataError as refused:
             found += refused.problems
+    if experiments and not found:
+        first = experiments[0].select(names)
+        for data in experiments[1:]:
+            found += data.scale_problems(first.sample_time, first.names, first.units)
     if found:
         raise DataError(found)
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from fmu_builder.errors import IdentificationError
+from fmu_builder.errors import IdentificationError, Problem
 from fmu_builder.parameter_set import (
     DerivedOutput,
     InputSignal,
@@ -21,6 +21,7 @@ from fmu_builder.parameter_set import (
     Partition,
     Validity,
     nested,
+    warp_rises,
 )
 from identification.arrays import Array
 from identification.blending import as_parts, blended, stacked
@@ -33,7 +34,7 @@ from identification.validity import NODES, cell_widths, node_positions, weights
 class NetworkSettings(BaseModel):
     """How local models become a network; "tuned" and "best" are left to whole-range training data."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     validity: Validity = "hat"
     k_sigma: Annotated[float, Field(gt=0.0)] | Literal["tuned"] = Field(
@@ -93,12 +94,23 @@ def partition_of(
     """Return the partition of the range `limits` of the scheduling input into cells around the centres.
 
     Raises:
-        IdentificationError: A number of the settings is still to be chosen.
+        IdentificationError: A number of the settings is still to be chosen, centres that do not ascend, a
+            warp that folds the range; all at once.
     """
+    found = []
     if settings.open_choices:
         open_ones = ", ".join(settings.open_choices)
         mend = "Give a number, or whole-range training data (identification.tuning)"
-        raise IdentificationError.of("network", f"{open_ones} still to be chosen", mend)
+        found.append(Problem("network", f"{open_ones} still to be chosen", mend))
+    if not all(left < right for left, right in pairwise(centres)):
+        what = f"the centres {', '.join(f'{centre:g}' for centre in centres)} do not ascend"
+        found.append(Problem("network", what, "Sort the local models by their centres, each of them once"))
+    folds = settings.warp != "tuned" and not warp_rises(settings.warp, 0.5 * (limits[1] - limits[0]))
+    if settings.validity == "cubic_warp" and folds:
+        what = f"the warp {settings.warp} makes the warped variable fall within the range"
+        found.append(Problem("network", what, "Give smaller numbers"))
+    if found:
+        raise IdentificationError(found)
     gaussian = settings.validity == "gaussian"
     warp, gain, k_sigma = settings.warp, settings.deviation_gain, settings.k_sigma
     return Partition(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from fmu_builder.errors import IdentificationError
+from fmu_builder.errors import DataError, IdentificationError
 from fmu_builder.kernel import Tables, simulate, tables_of, with_validity
 from fmu_builder.parameter_set import ParameterSet, Partition
 from identification.arrays import Array
@@ -17,6 +17,9 @@ from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.scores import scored_rows
 from identification.validity import weights
+
+_AT_REST = 1e-12
+"""Variation of a signal over its size that is rounding only."""
 
 
 @dataclass(frozen=True)
@@ -72,26 +75,34 @@ class Objective:
         Args:
             example: A network that differs from the candidates in what a `Candidate` holds only.
             training: Whole-range training data.
-            signals: Outputs and derived outputs that count; default all.
+            signals: Outputs and derived outputs that count; default all that move.
 
         Raises:
-            DataError: Columns are missing.
-            IdentificationError: A signal that the network does not have.
+            DataError: Columns are missing, or another sample time or other units than the network's.
+            IdentificationError: A signal that the network does not have, or that does not move in the data.
         """
-        self.names = tuple(signals or example.output_names)
-        unknown = [name for name in self.names if name not in example.output_names]
+        wanted = example.output_names if signals is None else tuple(signals)
+        unknown = [name for name in wanted if name not in example.output_names]
         if unknown:
             what = f"{', '.join(unknown)}: the network has no such output"
             mend = f"Name some of {', '.join(example.output_names)}"
             raise IdentificationError.of("signals of the tuning", what, mend)
-        self._columns = [example.output_names.index(name) for name in self.names]
+        _refuse_other_scales(example, training)
         self._inputs = [data.matrix(example.input_names) for data in training]
         self._rows = [scored_rows(len(data)) for data in training]
-        targets = [_outputs(example, data)[:, self._columns] for data in training]
-        self._targets = [target[rows] for target, rows in zip(targets, self._rows, strict=True)]
-        spread = [((one - one.mean(axis=0)) ** 2).sum(axis=0) for one in self._targets]
-        size = np.sqrt(np.sum(spread, axis=0))
-        self._scale = np.where(size > 0.0, size, 1.0)
+        targets = [_outputs(example, data)[rows] for data, rows in zip(training, self._rows, strict=True)]
+        size = np.sqrt(np.sum([((one - one.mean(axis=0)) ** 2).sum(axis=0) for one in targets], axis=0))
+        # FIT knows no size of a signal at rest
+        level = np.sqrt(np.sum([(one**2).sum(axis=0) for one in targets], axis=0))
+        moving = dict(zip(example.output_names, size > _AT_REST * level, strict=True))
+        still = [name for name in wanted if not moving[name]]
+        if still and (signals is not None or len(still) == len(wanted)):
+            what = f"{', '.join(still)}: constant in the whole-range training data"
+            raise IdentificationError.of("signals of the tuning", what, "Name signals that move")
+        self.names = tuple(name for name in wanted if moving[name])
+        self._columns = [example.output_names.index(name) for name in self.names]
+        self._targets = [target[:, self._columns] for target in targets]
+        self._scale = size[self._columns]
         self._tables, self._example = tables_of(example), example
         self._stack = stacked(example.local_models)
 
@@ -130,6 +141,16 @@ class Objective:
         return with_validity(
             self._tables, candidate.partition, shares, None if output else blended(stack, shares)
         )
+
+
+def _refuse_other_scales(example: ParameterSet, training: Sequence[DataSet]) -> None:
+    signals = (*example.inputs, *example.outputs)
+    names, units = [one.name for one in signals], [one.unit for one in signals]
+    found = []
+    for data in training:
+        found += data.scale_problems(example.sample_time, names, units)
+    if found:
+        raise DataError(found)
 
 
 def _outputs(parameter_set: ParameterSet, data: DataSet) -> Array:

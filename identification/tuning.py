@@ -31,10 +31,10 @@ _DEFAULTS: dict[str, Any] = {
 class TuningSettings(BaseModel):
     """How the open choices are made."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     signals: tuple[str, ...] | None = Field(
-        default=None, description="outputs and derived outputs whose errors count; default all"
+        default=None, description="outputs and derived outputs whose errors count; default all that move"
     )
     iterations: int = Field(default=8, ge=1, description="most steps of a search")
     tolerance: float = Field(default=0.01, gt=0.0, description="relative gain that ends a search")
@@ -154,9 +154,11 @@ class _Coordinates:
         self.settings, self.partition = _start(settings), example.partition
         self.states = example.state_count
         self.reach = 0.5 * (self.partition.range[1] - self.partition.range[0])
+        self.deviation = _swing(example, self.partition.deviation_output)
         sizes = {"k_sigma": 1, "warp": 2, "deviation_gain": 1, "coordinates": self.states**2}
-        useless = {"coordinates"} if len(example.local_models) == 1 else set()
-        self.names = tuple(key for key in sizes if key in settings.open_choices and key not in useless)
+        asked = tuple(key for key in sizes if key in settings.open_choices)
+        self.useless = asked if len(example.local_models) == 1 else ()
+        self.names = tuple(key for key in asked if key not in self.useless)
         self.size = sum(sizes[key] for key in self.names)
         self.few = self.size - (self.states**2 if "coordinates" in self.names else 0)
 
@@ -176,7 +178,7 @@ class _Coordinates:
             elif key == "k_sigma":
                 update[key] = _K_SIGMA_START * float(np.exp(rest.pop(0)))
             elif key == "deviation_gain":
-                update[key] = rest.pop(0)
+                update[key] = rest.pop(0) * self.reach / self.deviation
             elif rest:
                 generator = np.array(rest).reshape(self.states, self.states)
         settings = self.settings.model_copy(update=update)
@@ -204,7 +206,8 @@ def _tuned(
         f"training error of {', '.join(objective.names)} {objective.percent(before):.4g} %"
         f" -> {percent:.4g} % in {steps} steps"
     )
-    choices = []
+    alone = "a single local model leaves nothing to blend"
+    choices = [Choice(key, _rounded(getattr(fixed, key)), alone) for key in coordinates.useless]
     for key in coordinates.names:
         if key == "coordinates":
             choices.append(Choice(key, f"tuned ({coordinates.states**2} numbers)", reason))
@@ -251,7 +254,18 @@ def _normal_equations(residuals: Callable[[Array], Array | None], x: Array) -> N
             if there is not None:
                 rows[index] = (here - there) / step
                 break
-    return NormalEquations(float(here @ here), rows @ here, rows @ rows.T)
+    gram = rows @ rows.T
+    # numbers that change nothing, as between equal models, stay where they are
+    gram[np.diag_indices(x.size)] += ~rows.any(axis=1)
+    return NormalEquations(float(here @ here), rows @ here, gram)
+
+
+def _swing(example: ParameterSet, output: str | None) -> float:
+    """Return half the range an output had in training, in its unit; 1 where there is none."""
+    for signal in example.outputs:
+        if signal.name == output:
+            return 0.5 * (signal.maximum - signal.minimum) or 1.0
+    return 1.0
 
 
 def _rounded(value: Any) -> Any:

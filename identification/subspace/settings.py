@@ -29,7 +29,7 @@ class SubspaceSettings(BaseModel):
     PI-MOESP coloured noise on the outputs; PO-MOESP, N4SID and CVA white noise on outputs and states.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     order: int | Literal["auto"] = Field(
         default="auto", description='number of states n, or "auto": from the singular values'

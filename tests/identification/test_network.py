@@ -17,6 +17,7 @@ from linear_plants import (
     three_mass,
     three_mass_data,
 )
+from pydantic import ValidationError
 from scipy.linalg import expm
 
 from fmu_builder.errors import DataError, IdentificationError, ParameterSetError
@@ -179,6 +180,15 @@ def test_identification_refuses_everything_at_once() -> None:
     assert len(error.value.problems) == 4 and "local model at eta = 0.75" in str(error.value)
     with pytest.raises(DataError, match="xi_dot"):
         identify([one.select(("eta", "M_pa", "xi", "zeta", "zeta_dot")) for one in short])
+    mixed = [short[0], replace(short[1], units=("mm", *short[1].units[1:])), replace(short[2], sample_time=1)]
+    with pytest.raises(DataError) as mixture:  # no local model knows of the others
+        identify(mixed)
+    assert [problem.what for problem in mixture.value.problems] == [
+        "has 'eta' in 'mm', the others in 'm'",
+        "has the sample time 1 s, not 0.001 s like the others",
+    ]
+    with pytest.raises(ValidationError, match="finite"):
+        N4sidSettings(centres=(0.75, float("nan")))
     wrong = N4sidSettings(scheduling="height", low=2.0, high=1.0, operating_point={"eta": 1.5})
     with pytest.raises(IdentificationError) as error:
         identify(data, wrong)

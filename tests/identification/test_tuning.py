@@ -10,10 +10,11 @@ import pytest
 from local_networks import FORCE, HEIGHTS, INPUTS, local_models, recorded
 from pydantic import ValidationError
 
-from fmu_builder.errors import IdentificationError
+from fmu_builder.errors import DataError, IdentificationError
 from fmu_builder.kernel import simulate
+from identification.data_set import DataSet
 from identification.excitation import random_stream, with_measurement_noise
-from identification.n4sid import network
+from identification.n4sid import LocalModels, network
 from identification.network import NetworkSettings
 from identification.objective import Candidate, Objective, transformed
 from identification.tuning import TuningSettings, tuned_network
@@ -185,6 +186,102 @@ def test_what_cannot_be_tuned_is_refused() -> None:
         tuned_network("net", LOCAL, [data], settings_of(), [FORCE], TuningSettings(signals=("F_H",)))
     with pytest.raises(IdentificationError, match="warp still to be chosen"):
         network("net", LOCAL, settings_of())
+    folded = settings_of(warp=(5.0, 0.0), blending="best")
+    with pytest.raises(IdentificationError, match="makes the warped variable fall"):
+        tuned_network("net", LOCAL, [data], folded)
+    twice = replace(LOCAL, centres=np.array([0.75, 1.25, 1.25, 2.25]))
+    with pytest.raises(IdentificationError, match="do not ascend"):
+        network("net", twice, settings_of(validity="hat"))
     with pytest.raises(ValidationError, match="deviation_output"):
         NetworkSettings(deviation_gain="tuned")
+    nowhere: list[dict[str, Any]] = [
+        {"k_sigma": np.inf}, {"warp": (np.nan, 0.0)}, {"corner_frequency": np.inf},
+        {"deviation_gain": np.nan, "deviation_output": "zeta"},
+    ]  # fmt: skip
+    for changes in nowhere:
+        with pytest.raises(ValidationError, match="finite"):
+            settings_of(**changes)
     assert settings_of(k_sigma="tuned").open_choices == ("warp",)  # only what the validity uses
+
+
+def test_a_single_local_model_leaves_nothing_to_tune() -> None:
+    alone = local_models((1.0,), (1.5,))
+    data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3, 2.0)
+    found = tuned_network("net", alone, [data], settings_of(blending="best"), [FORCE])
+    assert [(choice.name, choice.value) for choice in found.choices] == [
+        ("warp", (0.0, 0.0)),
+        ("blending", "parameter"),
+    ]
+    assert "nothing to blend" in found.choices[0].reason
+    gaussian = settings_of(validity="gaussian", k_sigma="tuned", coordinates="tuned")
+    found = tuned_network("net", alone, [data], gaussian)
+    assert [choice.name for choice in found.choices] == ["k_sigma", "coordinates"]
+
+
+def test_a_number_without_influence_is_no_reason_to_fail() -> None:
+    """Far beyond the range the schedule is clipped, whatever the gain of the deviation."""
+    data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3, 2.0)
+    beyond = replace(data, values=data.values + 50.0 * (np.array(data.names) == "eta"))
+    settings = settings_of(validity="cubic", deviation_output="zeta", deviation_gain="tuned")
+    found = tuned_network("net", LOCAL, [beyond], settings)
+    assert found.settings.deviation_gain == 0.0
+
+
+def test_a_signal_that_rests_has_no_fit_and_does_not_count() -> None:
+    data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3, 2.0)
+    values = data.values.copy()
+    values[:, data.names.index("zeta")] = 0.1  # its mean is not 0.1 to the last bit
+    resting = replace(data, values=values)
+    found = tuned_network("net", LOCAL, [resting], settings_of(), [FORCE])
+    assert "xi, xi_dot, zeta_dot, F_p" in found.choices[0].reason
+    named = TuningSettings(signals=("xi", "zeta"))
+    with pytest.raises(IdentificationError, match="zeta: constant in the whole-range training data"):
+        tuned_network("net", LOCAL, [resting], settings_of(), [FORCE], named)
+    with pytest.raises(IdentificationError, match="constant"):
+        tuned_network("net", LOCAL, [data.rows(0, 1)], settings_of(), [FORCE])
+
+
+def test_training_data_on_another_scale_are_refused_all_at_once() -> None:
+    data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3, 2.0)
+    units = ("mm", *data.units[1:])
+    with pytest.raises(DataError) as refused:
+        tuned_network("net", LOCAL, [data, replace(data, sample_time=0.01, units=units)], settings_of())
+    assert [problem.what for problem in refused.value.problems] == [
+        "has the sample time 0.01 s, not 0.001 s like the others",
+        "has 'eta' in 'mm', the others in 'm'",
+    ]
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_the_deviation_gain_does_not_depend_on_the_unit_of_the_height(unit: float) -> None:
+    """The search sees the same numbers whatever the scheduling input is counted in."""
+    settings = settings_of(validity="cubic", deviation_output="zeta", deviation_gain="tuned")
+    data = recorded(network("truth", LOCAL, settings_of(validity="hat")), 3, 4.0)
+    found = tuned_network("net", LOCAL, [data], settings)
+    scaled = tuned_network("net", *in_unit_of_height(LOCAL, data, unit), settings)
+    assert scaled.settings.deviation_gain == pytest.approx(
+        unit * found.settings.deviation_gain, rel=TUNED_NUMBER
+    )
+
+
+def in_unit_of_height(local: LocalModels, data: DataSet, unit: float) -> tuple[LocalModels, list[DataSet]]:
+    """Local models and data with eta counted in 1 / unit metres."""
+    size = np.array([unit, 1.0])
+    models = tuple(
+        replace(one, B=one.B / size, D=one.D / size, input_operating_point=one.input_operating_point * size)
+        for one in local.models
+    )
+    eta, torque = local.signals[0]
+    numbers = ("operating_point", "minimum", "maximum")
+    eta = eta.model_copy(update={name: getattr(eta, name) * unit for name in numbers} | {"unit": ""})
+    changed = {"low": unit * local.settings.low, "high": unit * local.settings.high}
+    moved = replace(
+        local,
+        settings=local.settings.model_copy(update=changed),
+        centres=local.centres * unit,
+        models=models,
+        signals=((eta, torque), local.signals[1]),
+        static_map=replace(local.static_map, positions=local.static_map.positions * unit),
+    )
+    factor = np.where(np.array(data.names) == "eta", unit, 1.0)
+    return moved, [replace(data, values=data.values * factor)]

@@ -15,11 +15,8 @@ from identification.arrays import Array
 from identification.blending import blended, in_coordinates, stacked
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
-from identification.scores import scored_rows
+from identification.scores import moves, scored_rows
 from identification.validity import weights
-
-_AT_REST = 1e-12
-"""Variation of a signal over its size that is rounding only."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +90,7 @@ class Objective:
         targets = [_outputs(example, data)[rows] for data, rows in zip(training, self._rows, strict=True)]
         size = np.sqrt(np.sum([((one - one.mean(axis=0)) ** 2).sum(axis=0) for one in targets], axis=0))
         # FIT knows no size of a signal at rest
-        level = np.sqrt(np.sum([(one**2).sum(axis=0) for one in targets], axis=0))
-        moving = dict(zip(example.output_names, size > _AT_REST * level, strict=True))
+        moving = dict(zip(example.output_names, np.any([moves(one) for one in targets], axis=0), strict=True))
         still = [name for name in wanted if not moving[name]]
         if still and (signals is not None or len(still) == len(wanted)):
             what = f"{', '.join(still)}: constant in the whole-range training data"

@@ -7,12 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from fmu_builder.errors import DataError, Problem
 from identification.arrays import Array
 
 SCORED_FRACTION = 0.75
 """The last 75 % of the samples count: the start says more about initial values than about the model."""
+
+AT_REST = 1e-12
+"""Variation of a signal over its size that is rounding only: such a signal has no FIT."""
 
 FIELDS = (
     "wbm", "model", "llms", "blending", "offsets", "validity", "alignment", "schedule", "structure", "route",
@@ -44,11 +48,25 @@ def fit_percent(reference: Array, simulated: Array) -> float:
     """
     y, yhat = _scored(reference, simulated)
     spread = float(np.linalg.norm(y - y.mean()))
-    if spread == 0.0:
+    if not moves(y):
         raise DataError.of("FIT", "the reference signal is constant", "Score signals that move")
     with np.errstate(over="ignore", invalid="ignore"):
         value = 100.0 * (1.0 - float(np.linalg.norm(y - yhat)) / spread)
     return value if math.isfinite(value) else -math.inf
+
+
+def moves(signals: Array) -> npt.NDArray[np.bool_]:
+    """Return whether signals vary by more than rounding.
+
+    Args:
+        signals: One column per signal, shape (rows, signals), or one signal, shape (rows,).
+
+    Returns:
+        Shape (signals,), or () for one signal.
+    """
+    y = np.asarray(signals, dtype=np.float64)
+    spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
+    return np.asarray(spread > AT_REST * np.linalg.norm(y, axis=0))
 
 
 def max_error(reference: Array, simulated: Array) -> float:
@@ -95,7 +113,7 @@ def records(
     found = []
     for index, signal in enumerate(signals):
         y, yhat = reference[:, index], simulated[:, index]
-        fit = fit_percent(y, yhat) if np.ptp(y[scored_rows(y.size)]) > 0.0 else -math.inf
+        fit = fit_percent(y, yhat) if moves(y[scored_rows(y.size)]) else -math.inf
         entry = {**dict.fromkeys(FIELDS), **labels, "signal": signal}
         entry["fit"] = fit if math.isfinite(fit) else None
         worst = max_error(y, yhat)

@@ -11,7 +11,7 @@ from identification.arrays import Array
 from identification.choice import Choice
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
-from identification.scores import scored_rows
+from identification.scores import moves, scored_rows
 from identification.subspace.choices import Chosen, choose, simulation_error
 from identification.subspace.preparation import ScaledData, prepared
 from identification.subspace.reduction import balanced_reduction
@@ -130,14 +130,20 @@ def _diagnostics(
     }
 
 
-def _training_fit(data: ScaledData, result: Regression) -> list[float]:
-    """Return FIT [%] per output on the last 75 % of every training experiment, initial states fitted."""
+def _training_fit(data: ScaledData, result: Regression) -> list[float | None]:
+    """Return FIT [%] per output on the last 75 % of every training experiment, initial states fitted.
+
+    It is None where an output has come to rest by then.
+    """
     rows = [scored_rows(y.shape[1]) for y in data.outputs]
     y = np.concatenate([one[:, row] for one, row in zip(data.outputs, rows, strict=True)], axis=1)
     yhat = np.concatenate([one[:, row] for one, row in zip(result.simulated, rows, strict=True)], axis=1)
     spread = np.linalg.norm(y - y.mean(axis=1, keepdims=True), axis=1)
-    fits: list[float] = (100.0 * (1.0 - np.linalg.norm(y - yhat, axis=1) / spread)).tolist()
-    return fits
+    errors = np.linalg.norm(y - yhat, axis=1)
+    return [
+        100.0 * (1.0 - float(error / size)) if move else None
+        for error, size, move in zip(errors, spread, moves(y.T), strict=True)
+    ]
 
 
 def _unscaled(

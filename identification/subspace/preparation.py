@@ -13,6 +13,7 @@ import scipy.linalg
 from fmu_builder.errors import IdentificationError, Problem
 from identification.arrays import Array
 from identification.data_set import DataSet
+from identification.scores import AT_REST
 from identification.subspace.settings import SubspaceSettings
 
 _EXCITED = 1e-13
@@ -82,7 +83,7 @@ def prepared(
     values = [one - mean[:, None] for one in values]
     scale = np.sqrt(np.sum([np.einsum("ij,ij->i", one, one) for one in values], axis=0) / count)
     for name, middle, size in zip(names, mean, scale, strict=True):
-        if not size > 1e-12 * abs(middle):
+        if not size > AT_REST * abs(middle):
             mend = "Excite it, or leave it out of the model"
             found.append(Problem(f"signal {name!r}", "is constant in the training data", mend))
     if found:

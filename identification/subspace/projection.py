@@ -184,13 +184,13 @@ def _plain_strengths(
     White noise of mean 1 shows values up to (1 + sqrt(rows / columns))^2 (Marchenko and Pastur 1967).
     """
     columns = instruments or samples
+    level = _NOISE_MARGIN * (1.0 + math.sqrt(len(weighted) / columns)) ** 2
     noise = max(
-        _mean_of_the_rest(weighted, squares),
+        _mean_of_noise(weighted, squares, level),
         noise_floor**2 * columns / samples,
         np.finfo(float).eps * float(squares[0]),
     )
     least = _TINY * float(squares[0]) / noise if instruments else 1.0 + _TINY_DIFFERENCE
-    level = _NOISE_MARGIN * (1.0 + math.sqrt(len(weighted) / columns)) ** 2
     return squares / noise, level, least
 
 
@@ -223,9 +223,20 @@ def _strongest(weighted: Array, shown: int) -> tuple[Array, Array]:
     return np.clip(squares[::-1], 0.0, None), vectors[:, ::-1]
 
 
-def _mean_of_the_rest(weighted: Array, squares: Array) -> float:
-    """Return the mean of the squared singular values beyond the strongest, the median where these are few."""
-    others = len(weighted) - len(squares)
-    if others < len(squares):
-        return float(np.median(squares))
-    return max(float(np.einsum("ij,ij->", weighted, weighted)) - float(squares.sum()), 0.0) / others
+def _mean_of_noise(weighted: Array, squares: Array, level: float) -> float:
+    """Return the mean of the squared singular values that are noise: all up to `level` times this mean.
+
+    It starts from those beyond the strongest, from the median where these are few; without those of the
+    strongest that are noise, too, it would be too small.
+    """
+    rows, total = len(weighted), float(np.einsum("ij,ij->", weighted, weighted))
+    above = len(squares)
+    mean = float(np.median(squares)) if rows - above < above else _mean_beyond(total, squares, rows)
+    while above and squares[above - 1] <= level * mean:
+        above = int(np.sum(squares > level * mean))
+        mean = _mean_beyond(total, squares[:above], rows)
+    return mean
+
+
+def _mean_beyond(total: float, strongest: Array, rows: int) -> float:
+    return max(total - float(strongest.sum()), 0.0) / (rows - len(strongest))

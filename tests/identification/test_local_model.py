@@ -86,6 +86,8 @@ def test_fit_by_hand_and_only_on_the_last_three_quarters() -> None:
 def test_fit_of_what_has_none() -> None:
     with pytest.raises(DataError, match="constant"):
         fit_percent(np.ones(8), np.zeros(8))
+    with pytest.raises(DataError, match="constant"):  # the mean is not 0.3 to the last bit
+        fit_percent(np.full(1001, 0.3), np.zeros(1001))
     with pytest.raises(DataError, match="shapes"):
         fit_percent(np.ones(8), np.zeros(7))
     assert fit_percent(np.arange(8.0), np.full(8, np.nan)) == -np.inf

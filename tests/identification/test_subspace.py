@@ -215,6 +215,17 @@ def test_more_states_than_the_plant_has_are_refused() -> None:
     assert "is 5, but the data support 2 states only. Lower it to 2" in refusal([data])
 
 
+def test_an_output_that_comes_to_rest_has_no_fit_there() -> None:
+    """One knock and its decay: exciting, but nothing moves in the rows that FIT looks at."""
+    knock = np.zeros((2000, 1))
+    knock[30] = 1.0
+    lag = np.concatenate([np.zeros(31), 0.5 ** np.arange(1969)])
+    data = DataSet("knock", 0.01, ("drive", "speed"), ("", ""), np.column_stack([knock, lag]))
+    model = estimate([data], ("drive",), ("speed",), SubspaceSettings(order=1, block_rows=10))
+    assert model.diagnostics["training_fit"] == [None]
+    assert abs(model.poles[0] - 0.5) < NOISE_FREE_POLE
+
+
 def test_unstable_plant_is_refused() -> None:
     plant = asymmetric()
     growing = replace(plant, A=plant.A * 1.004)

@@ -16,10 +16,11 @@ from linear_plants import (
 from pydantic import ValidationError
 
 from fmu_builder.errors import IdentificationError
+from identification.data_set import DataSet
 from identification.excitation import random_stream, with_measurement_noise
 from identification.local_model import LocalModel
 from identification.n4sid import N4sidSettings, identify
-from identification.subspace import SubspaceSettings, estimate
+from identification.subspace import METHODS, SubspaceSettings, estimate
 from identification.subspace.choices import PILOT
 from identification.subspace.projection import clear_order
 
@@ -65,6 +66,16 @@ def test_outputs_that_do_not_follow_the_inputs_have_no_order() -> None:
     deaf = replace(data, values=np.column_stack([data.values[:, :3], noise]))
     with pytest.raises(IdentificationError, match="exceeds the noise"):
         estimate([deaf], *NAMES)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_noise_alone_has_no_order_by_any_method(method: str) -> None:
+    """One input and one output: few singular values, most of them among those shown."""
+    for seed in range(4):
+        noise = random_stream(seed, 5).standard_normal((4000, 2))
+        data = DataSet("noise", 0.01, ("drive", "speed"), ("", ""), noise)
+        with pytest.raises(IdentificationError, match="exceeds the noise"):
+            estimate([data], ("drive",), ("speed",), SubspaceSettings(method=method))
 
 
 def test_block_rows_are_those_of_the_smallest_error() -> None:

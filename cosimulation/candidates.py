@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from cosimulation.automatic import automatic_network
 from cosimulation.data_folder import DataFolder
 from cosimulation.fmu_file import OpenFmu
 from cosimulation.linearise import linearise
@@ -13,9 +14,10 @@ from cosimulation.settings import GenerateSettings
 from fmu_builder.parameter_set import DerivedOutput, ParameterSet
 from fmus.wbm import parameter_sets
 from identification import surrogate
+from identification.choice import Choice
 from identification.linear import discretised, linear_parameter_set
-from identification.n4sid import LocalModels, N4sidSettings, identify, network
-from identification.network import RECOMMENDED, THESIS, NetworkSettings, signals_of
+from identification.n4sid import LocalModels, N4sidSettings, identify
+from identification.network import AUTOMATIC, THESIS, NetworkSettings, signals_of
 
 LINEARISATION_HEIGHT = 1.25
 """Operating point OP45 of the global linear model (thesis 4.8) [m]."""
@@ -23,6 +25,22 @@ LINEARISATION_HEIGHT = 1.25
 
 DEFAULT_SET = "A"
 """The white-box FMU's default preset; FMUs identified from it carry no suffix."""
+
+
+NETWORKS = (
+    ("n4sid_thesis", "n4sid, thesis configuration", THESIS),
+    (
+        "n4sid_output",
+        "n4sid, scheduled equilibrium, output blending",
+        AUTOMATIC.model_copy(update={"blending": "output"}),
+    ),
+    (
+        "n4sid",
+        "n4sid, scheduled equilibrium, parameter blending",
+        AUTOMATIC.model_copy(update={"blending": "parameter"}),
+    ),
+)
+"""Identifier, title and settings of the n4sid networks; AUTOMATIC would choose one of the blendings."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +54,8 @@ class Candidate:
         offset_subtracted: Whether the mean error is subtracted after the simulation, as the thesis does with
             the linearised model (Remark 4.8.1).
         surrogate: Physical parameters and how they were found, of a surrogate.
+        local: The local models, of an n4sid network.
+        choices: What was chosen automatically.
     """
 
     title: str
@@ -43,6 +63,8 @@ class Candidate:
     labels: dict[str, Any]
     offset_subtracted: bool = False
     surrogate: surrogate.SurrogateResult | None = None
+    local: LocalModels | None = None
+    choices: tuple[Choice, ...] = ()
 
     @property
     def name(self) -> str:
@@ -82,16 +104,7 @@ def identify_candidates(
     return (
         _linear(wbm, data, fmu, settings, forces),
         _surrogate(wbm, data, local, forces),
-        _n4sid(wbm, "n4sid_thesis", "n4sid, thesis configuration", local, THESIS, forces),
-        _n4sid(
-            wbm,
-            "n4sid_output",
-            "n4sid, scheduled equilibrium, output blending",
-            local,
-            RECOMMENDED.model_copy(update={"blending": "output"}),
-            forces,
-        ),
-        _n4sid(wbm, "n4sid", "n4sid, scheduled equilibrium, parameter blending", local, RECOMMENDED, forces),
+        *(_n4sid(wbm, *one, data, local, forces) for one in NETWORKS),
     )
 
 
@@ -114,13 +127,15 @@ def _n4sid(
     wbm: str,
     model: str,
     title: str,
-    local: LocalModels,
     settings: NetworkSettings,
+    data: DataFolder,
+    local: LocalModels,
     forces: tuple[DerivedOutput, ...],
 ) -> Candidate:
-    parameter_set = network(identifier(model, wbm), local, settings, forces)
-    alignment = "observability" if settings.blending == "parameter" else None
-    return Candidate(title, parameter_set, _labels(wbm, parameter_set, alignment=alignment))
+    found = automatic_network(identifier(model, wbm), local, data, settings, forces)
+    alignment = local.settings.alignment if found.parameter_set.blending == "parameter" else None
+    labels = _labels(wbm, found.parameter_set, alignment=alignment)
+    return Candidate(title, found.parameter_set, labels, local=local, choices=found.choices)
 
 
 def _linear(

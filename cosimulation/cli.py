@@ -91,12 +91,14 @@ def generate(
 ) -> None:
     """Make reference data: drive any FMU, or read recorded files, by a settings file."""
     from cosimulation.generate import generate_data
-    from cosimulation.settings import GenerateSettings, load_settings, with_flags
+    from cosimulation.settings import GenerateSettings, load_settings, settings_line, with_flags
 
     chosen = load_settings(GenerateSettings, settings)
     fmu = None if reference is None else chosen.reference.model_copy(update={"fmu": reference})
     chosen = with_flags(chosen, seed=seed, output=output, reference=fmu)
-    folder = generate_data(chosen, reporter=_reporter(as_json))
+    reporter = _reporter(as_json)
+    reporter.say(settings_line(chosen, settings))
+    folder = generate_data(chosen, reporter)
     _print({"data": str(folder)}, as_json, f"reference data: {folder}")
 
 
@@ -113,10 +115,12 @@ def identify(
 ) -> None:
     """Identify a local linear model network from reference data."""
     from cosimulation.identify import IdentifySettings, identify_from_folder
-    from cosimulation.settings import load_settings, with_flags
+    from cosimulation.settings import load_settings, settings_line, with_flags
 
     chosen = with_flags(load_settings(IdentifySettings, settings), data=data, output=output)
-    result = identify_from_folder(chosen, reporter=_reporter(as_json))
+    reporter = _reporter(as_json)
+    reporter.say(settings_line(chosen, settings))
+    result = identify_from_folder(chosen, reporter)
     _print(result.summary(), as_json, result.text())
 
 

@@ -62,10 +62,15 @@ class DataFolder:
         Raises:
             DataError: There is none.
         """
-        found = [item for item in self.experiments if item.kind == kind and item.split == split]
+        found = self.having(kind, split)
         if not found:
             what = f"there is no experiment of kind {kind!r} in the split {split!r}"
             raise DataError.of("data folder", what, "Add one to [[experiments]] and generate the data again")
+        return found
+
+    def having(self, kind: str, split: str) -> tuple[Experiment, ...]:
+        """Return the experiments of one kind and split like `select`, nothing where there is none."""
+        found = [item for item in self.experiments if item.kind == kind and item.split == split]
         return tuple(sorted(found, key=lambda item: item.height or 0.0))
 
     def save(self, folder: Path) -> None:

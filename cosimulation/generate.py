@@ -38,7 +38,6 @@ def generate_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> Pa
         OutputError: The folder cannot be written.
     """
     _check(settings)
-    reporter.say(f"settings: {settings.model_dump_json()}")
     with result_folder(settings.output, INDEX) as folder:
         make_data(settings, reporter).save(folder)
     return settings.output

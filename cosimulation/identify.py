@@ -7,17 +7,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator, model_validator
 
+from cosimulation.automatic import automatic_network, choice_lines, local_choices
 from cosimulation.data_folder import DataFolder, load_data_folder
 from cosimulation.pantograph import DESCRIPTIONS, force_outputs
 from cosimulation.progress import SILENT, Reporter
 from cosimulation.settings import Section
-from fmu_builder.errors import SettingsError
+from fmu_builder.errors import DataError, SettingsError
+from fmu_builder.files import written_atomically
 from fmu_builder.parameter_set import DerivedOutput, DerivedTerm, NamedParameter, ParameterSet
 from identification import surrogate as surrogates
-from identification.n4sid import LocalModels, N4sidSettings, identify, network
-from identification.network import RECOMMENDED, NetworkSettings
+from identification.choice import Choice
+from identification.n4sid import LocalModels, N4sidSettings, identify
+from identification.network import AUTOMATIC, NetworkSettings
+from identification.static_map import StaticMap
+from identification.tuning import TuningSettings
 
 
 class HeadSettings(Section):
@@ -55,40 +60,117 @@ class IdentifySettings(Section):
     name: str = Field("pantograph_n4sid", pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,54}$")
     data: Path = Path("data")
     output: Path | None = Field(None, description="parameter set to write; NAME.json by default")
+    page: Path | bool = Field(True, description="page on it: a file, beside the parameter set, or false")
+    static_map: Literal["automatic", "folder", "local_models"] = Field(
+        "automatic", description="outputs at rest: the data folder's, or through the local models' means"
+    )
     n4sid: N4sidSettings = N4sidSettings()
-    network: NetworkSettings = RECOMMENDED
+    network: NetworkSettings = Field(AUTOMATIC, description="what is not given stays automatic")
+    tuning: TuningSettings = TuningSettings()
     surrogate: surrogates.SurrogateSettings = surrogates.SurrogateSettings()
     head: HeadSettings | None = Field(None, description="of a pantograph")
     derived_outputs: tuple[DerivedOutputSettings, ...] = ()
     descriptions: dict[str, str] = Field(default_factory=lambda: dict(DESCRIPTIONS))
 
+    @field_validator("network", mode="before")
+    @classmethod
+    def _over_automatic(cls, given: Any) -> Any:
+        """Let a table that gives some keys leave the others to the data."""
+        return {**AUTOMATIC.model_dump(exclude_unset=True), **given} if isinstance(given, Mapping) else given
+
+    @model_validator(mode="after")
+    def _two_files(self) -> IdentifySettings:
+        path, page = self.files
+        if path == page:
+            raise ValueError(f"page and parameter set cannot both be {path}")
+        return self
+
+    @property
+    def files(self) -> tuple[Path, Path | None]:
+        """The parameter set and the page to write."""
+        path = self.output or Path(f"{self.name}.json")
+        if isinstance(self.page, Path):
+            return path, self.page
+        return path, path.with_suffix(".html") if self.page else None
+
 
 @dataclass(frozen=True)
 class Identified:
-    """A parameter set that was written, and how it came about."""
+    """A model that was identified, and how it came about.
+
+    Attributes:
+        path: Its parameter set.
+        page: The page on it, None if none was asked for.
+        parameter_set: The network.
+        local: The local models it was made of, or from whose frequency response.
+        choices: What was chosen automatically.
+        diagnostics: More, by name.
+    """
 
     path: Path
+    page: Path | None
     parameter_set: ParameterSet
+    local: LocalModels
+    choices: tuple[Choice, ...]
     diagnostics: dict[str, Any]
 
     def summary(self) -> dict[str, object]:
         """Return the result for a machine."""
         return {
             "parameter_set": str(self.path),
+            "page": None if self.page is None else str(self.page),
             "model_hash": self.parameter_set.model_hash(),
-            "diagnostics": self.diagnostics,
+            "choices": [choice.record() for choice in self.choices],
+            "diagnostics": {
+                **{
+                    f"local model at {self.local.place(index)}": model.diagnostics
+                    for index, model in enumerate(self.local.models)
+                },
+                **self.diagnostics,
+            },
         }
+
+    @property
+    def headline(self) -> str:
+        """One line on what the network is."""
+        chosen = self.parameter_set
+        count = len(chosen.local_models)
+        return (
+            f"{chosen.kind}, {count} local model{'s' if count > 1 else ''} of order "
+            f"{chosen.state_count}, {chosen.blending} blending, {chosen.partition.validity} validity, "
+            f"offsets {chosen.offsets.kind}"
+        )
 
     def text(self) -> str:
         """Return the result for a person."""
-        chosen = self.parameter_set
         lines = [
-            f"{chosen.name}: {chosen.kind}, {len(chosen.local_models)} local models of order "
-            f"{chosen.state_count}, {chosen.blending} blending, "
-            f"{chosen.partition.validity} validity, offsets {chosen.offsets.kind}"
+            f"{self.parameter_set.name}: {self.headline}",
+            *choice_lines(self.choices),
+            "",
+            *_local_model_lines(self.local),
         ]
         lines += [f"{key}: {_readable(value)}" for key, value in self.diagnostics.items()]
-        return "\n".join([*lines, f"parameter set: {self.path}"])
+        lines += ["", f"parameter set: {self.path}"]
+        return "\n".join(
+            lines if self.page is None else [*lines, f"singular values and choices: {self.page}"]
+        )
+
+
+def _local_model_lines(local: LocalModels) -> list[str]:
+    """Return a table with a row per local model."""
+    names = local.settings.outputs
+    widths = [max(len(name), 7) + 2 for name in names]
+    head = (
+        f"{'local model at':<20}{'order':>7}{'block rows':>12}{'spectral radius':>17}  FIT on its data [%]:"
+    )
+    lines = [head + "".join(f"{name:>{width}}" for name, width in zip(names, widths, strict=True))]
+    for index, model in enumerate(local.models):
+        found = model.diagnostics
+        row = f"{local.place(index):<20}{model.order:>7}{found['block_rows']:>12}"
+        row += f"{model.spectral_radius:>17.6f}{'':>22}"
+        fits = zip(found["training_fit"], widths, strict=True)
+        lines.append(row + "".join(f"{fit:>{width}.3f}" for fit, width in fits))
+    return lines
 
 
 def _readable(value: Any) -> str:
@@ -121,37 +203,78 @@ def derived_outputs(settings: IdentifySettings) -> tuple[DerivedOutput, ...]:
 
 
 def identify_from_folder(settings: IdentifySettings, reporter: Reporter = SILENT) -> Identified:
-    """Identify a model from a data folder and write its parameter set.
+    """Identify a model from a data folder; write its parameter set and, if asked for, a page on it.
 
     Raises:
         DataError: The folder cannot be read or lacks an experiment.
         SettingsError: A surrogate without its head.
         IdentificationError: No model can be identified.
         ParameterSetError: The result is not a valid parameter set.
-        OutputError: The parameter set cannot be written.
+        OutputError: A file cannot be written; then none is.
     """
-    reporter.say(f"settings: {settings.model_dump_json()}")
-    reporter.say(f"identifying {settings.name} by {settings.method}")
     data = load_data_folder(settings.data)
     training = [item.data for item in data.select("operating_point", "train")]
-    local = identify(training, settings.n4sid, data.static_map, settings.descriptions)
-    parameter_set, diagnostics = (
-        _surrogate(settings, data, local) if settings.method == "surrogate" else _n4sid(settings, local)
-    )
-    provenance = {**parameter_set.provenance, "origin": dict(data.origin)}
-    parameter_set = parameter_set.replaced(provenance=provenance)
-    path = settings.output or Path(f"{settings.name}.json")
-    return Identified(parameter_set.save(path), parameter_set, diagnostics)
-
-
-def _n4sid(settings: IdentifySettings, local: LocalModels) -> tuple[ParameterSet, dict[str, Any]]:
-    parameter_set = network(settings.name, local, settings.network, derived_outputs(settings))
-    scheduling = local.settings.scheduling
-    diagnostics = {
-        f"local model at {scheduling} = {centre:g}": model.diagnostics
-        for centre, model in zip(local.centres, local.models, strict=True)
+    static_map, before = _static_map(settings, data)
+    reporter.say(f"identifying {settings.n4sid.positions.size} local models of {settings.name}")
+    local = identify(training, settings.n4sid, static_map, settings.descriptions)
+    diagnostics: dict[str, Any] = {}
+    if settings.method == "surrogate":
+        reporter.say("fitting physical parameters")
+        parameter_set, diagnostics = _surrogate(settings, data, local)
+        choices = (*before, *local_choices(local))
+    else:
+        reporter.say("blending them")
+        parameter_set, choices = automatic_network(
+            settings.name, local, data, settings.network, derived_outputs(settings), settings.tuning, before
+        )
+    provenance = {
+        **parameter_set.provenance,
+        "choices": [choice.record() for choice in choices],
+        "identify": _asked(settings),
+        "origin": dict(data.origin),
     }
-    return parameter_set, diagnostics
+    path, page = settings.files
+    result = Identified(
+        path, page, parameter_set.replaced(provenance=provenance), local, choices, diagnostics
+    )
+    _write(result)
+    return result
+
+
+def _asked(settings: IdentifySettings) -> dict[str, Any]:
+    """Return the settings but paths, and but what stands in the parameter set anyway."""
+    elsewhere = {"data", "output", "page", "n4sid", "descriptions", "derived_outputs"}
+    unused = {"network", "tuning"} if settings.method == "surrogate" else {"surrogate"}
+    return settings.model_dump(mode="json", exclude=elsewhere | unused)
+
+
+def _static_map(settings: IdentifySettings, data: DataFolder) -> tuple[StaticMap | None, tuple[Choice, ...]]:
+    """Return the data folder's static map if it is to be used, and the choice if it was one.
+
+    Raises:
+        DataError: The folder's is asked for and there is none.
+    """
+    table = data.static_map
+    if settings.static_map == "folder" and table is None:
+        mend = "Use static_map = 'local_models', or generate the data with a static map"
+        raise DataError.of(f"{settings.data}, static map", "there is none in the data folder", mend)
+    if settings.static_map != "automatic":
+        return (table if settings.static_map == "folder" else None), ()
+    if table is None:
+        why = "the data folder holds none; a smooth curve through the means at the operating points"
+        return None, (Choice("static_map", "local_models", why),)
+    why = f"the data folder holds one, of {table.positions.size} positions"
+    return table, (Choice("static_map", "folder", why),)
+
+
+def _write(result: Identified) -> None:
+    """Write parameter set and page, both or neither."""
+    with written_atomically(result.path) as parameter_file:
+        parameter_file.write_text(result.parameter_set.canonical_json(), encoding="utf-8", newline="\n")
+        if result.page is not None:
+            from cosimulation.report import write_identification
+
+            write_identification(result.page, result)
 
 
 def _surrogate(

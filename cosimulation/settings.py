@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from collections.abc import Mapping
@@ -237,6 +238,50 @@ def with_flags(settings: Model, **flags: object) -> Model:
     """
     given = {key: value for key, value in flags.items() if value is not None}
     return parse_settings(type(settings), {**dict(settings), **given}, "command line")
+
+
+def toml_value(value: Any) -> str:
+    """Return a value as a TOML file writes it, on one line."""
+    if isinstance(value, BaseModel):
+        return toml_value(value.model_dump(exclude_defaults=True))
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {toml_value(item)}" for name, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml_value, value))}]"
+    return json.dumps(value, default=str)
+
+
+def deviations(settings: BaseModel, usual: BaseModel | None = None) -> dict[str, Any]:
+    """Return every value that differs from the usual settings by its dotted key.
+
+    Args:
+        settings: The settings.
+        usual: Settings of the same class to compare with; the defaults if None.
+    """
+    found: dict[str, Any] = {}
+    for name, field in type(settings).model_fields.items():
+        value = getattr(settings, name)
+        other = field.get_default(call_default_factory=True) if usual is None else getattr(usual, name)
+        if value == other:
+            continue
+        if isinstance(value, BaseModel) and type(value) is type(other):
+            found |= {f"{name}.{key}": item for key, item in deviations(value, other).items()}
+        else:
+            found[name] = value
+    return found
+
+
+_LONGEST_VALUE = 40
+
+
+def settings_line(settings: BaseModel, source: Path, usual: BaseModel | None = None) -> str:
+    """Return one line on where settings come from and what in them is unusual; long values by name only."""
+    parts = []
+    for key, value in deviations(settings, usual).items():
+        text = toml_value(value)
+        count = f" ({len(value)} entries)" if isinstance(value, list | tuple) else ""
+        parts.append(f"{key} = {text}" if len(text) <= _LONGEST_VALUE else f"{key}{count}")
+    return f"settings: {source}; " + (f"not the default: {', '.join(parts)}" if parts else "all defaults")
 
 
 STUDIES = Path(__file__).parent / "studies"

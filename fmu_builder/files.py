@@ -58,6 +58,8 @@ def written_atomically(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.chmod(_mode_of_new_files())
         temporary.replace(path)
+    except OutputError:  # of another file, which names itself
+        raise
     except OSError as reason:
         raise _refused(path, reason) from reason
     finally:

@@ -1,4 +1,4 @@
-"""The report: one HTML file that opens by double click, and a picture of the result."""
+"""HTML files that open by double click: the demo's report and its picture, the page on an identification."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from fmu_builder.files import write_text
 
 if TYPE_CHECKING:
     from cosimulation.demo import DemoResult
+    from cosimulation.identify import Identified
 
 PICTURE = "picture.svg"
 """Name of the picture beside the report."""
@@ -43,3 +44,18 @@ def write_picture(path: Path, result: DemoResult) -> None:
     from cosimulation.report.views import views
 
     write_text(path, picture(views(result)))
+
+
+def write_identification(path: Path, result: Identified) -> None:
+    """Write the page on an identification: the same bytes for the same result.
+
+    Args:
+        path: The HTML file.
+        result: What was identified, and how.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    from cosimulation.report.identification import identification_page
+
+    write_text(path, identification_page(result))

@@ -6,10 +6,8 @@ import json
 import platform
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from cosimulation.pantograph import SIGNALS
@@ -20,6 +18,7 @@ from cosimulation.report.figures.spectra import SEGMENT_SECONDS, spectra_figure
 from cosimulation.report.figures.summary import summary_figure
 from cosimulation.report.modes import FURTHEST
 from cosimulation.report.tables import fit_rows, mode_names, pole_rows, step_rows, surrogate_tables
+from cosimulation.report.template import rendered
 from cosimulation.report.verdict import percent, verdict
 from cosimulation.report.views import SetView, views
 from fmus.wbm import parameter_sets
@@ -28,7 +27,6 @@ from identification.scores import SCORED_FRACTION
 if TYPE_CHECKING:
     from cosimulation.demo import DemoResult
 
-TEMPLATES = Path(__file__).parent / "templates"
 LIBRARIES = (
     "pantograph-llmn", "numpy", "scipy", "control", "fmpy", "pydantic", "matplotlib", "jinja2", "ziglang",
 )  # fmt: skip
@@ -56,16 +54,9 @@ _KINDS = {"operating_point": "operating point", "whole_range": "whole range"}
 
 def render(result: DemoResult) -> str:
     """Return the whole page."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     sets = views(result)
-    return environment.get_template("report.html.jinja").render(
-        style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),
+    return rendered(
+        "report.html.jinja",
         contents=CONTENTS,
         quick=result.quick,
         thesis_best=percent(thesis.BEST_CONTACT_FORCE),

@@ -9,8 +9,7 @@ from typing import Any
 
 from cosimulation.progress import Reporter
 from cosimulation.scoring import marked_recommended
-from cosimulation.settings import STUDIES as SHIPPED
-from cosimulation.settings import load_settings
+from cosimulation.settings import load_settings, load_shipped_settings, settings_line
 from cosimulation.study import blending, order, tables
 from cosimulation.study.limits import judge
 from cosimulation.study.page import Section, render
@@ -58,10 +57,11 @@ def run(
     if name not in STUDIES:
         raise SettingsError.of(f"study {name!r}", "there is no such study", f"Choose of {', '.join(STUDIES)}")
     study = STUDIES[name]
-    settings = load_settings(study.settings, settings_file or SHIPPED / f"{name}.toml")
+    shipped = load_shipped_settings(study.settings, f"{name}.toml")
+    settings = load_settings(study.settings, settings_file) if settings_file else shipped
     if seeds:
         settings = settings.model_copy(update={"seeds": seeds})
-    reporter.say(f"settings: {settings.model_dump_json()}")
+    reporter.say(settings_line(settings, settings_file or Path(f"{name}.toml"), shipped))
     with folder_written_atomically(output) as folder:
         white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu", (host_platform(),))
         results = Pool[Any](settings.processes).run(

@@ -10,7 +10,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from cosimulation.report.page import TEMPLATES as REPORT_TEMPLATES
+from cosimulation.report.template import TEMPLATES as REPORT_TEMPLATES
 from cosimulation.study.limits import Limit, Verdict
 
 TEMPLATES = Path(__file__).parent / "templates"

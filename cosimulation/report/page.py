@@ -12,8 +12,10 @@ from markupsafe import Markup
 
 from cosimulation.pantograph import SIGNALS
 from cosimulation.report import thesis
+from cosimulation.report.choices import ORDER_RULE, ChoiceRow, choice_rows
 from cosimulation.report.figures.contact_force import close_up_figure, overview_figure, scheduled
 from cosimulation.report.figures.poles import poles_figure
+from cosimulation.report.figures.singular_values import singular_values_figure
 from cosimulation.report.figures.spectra import SEGMENT_SECONDS, spectra_figure
 from cosimulation.report.figures.summary import summary_figure
 from cosimulation.report.modes import FURTHEST
@@ -36,6 +38,7 @@ CONTENTS = (
     ("fit", "FIT per signal"),
     ("time", "Contact force over time"),
     ("spectra", "Spectra"),
+    ("order", "Order and other choices"),
     ("poles", "Poles"),
     ("surrogate", "Surrogate"),
     ("speed", "Step times"),
@@ -64,6 +67,7 @@ def render(result: DemoResult) -> str:
         scored_percent=f"{100.0 * SCORED_FRACTION:g}",
         segment=f"{SEGMENT_SECONDS:.3g}",
         furthest=f"{FURTHEST:g}",
+        order_rule=ORDER_RULE,
         signals=_signals(sets[0]),
         recipe=_recipe(sets[0]),
         summary=Markup(summary_figure(sets)),
@@ -92,8 +96,11 @@ def _set_content(view: SetView) -> dict[str, Any]:
         "overview": Markup(overview_figure(view)),
         "close_up": Markup(close_up_figure(view)),
         "spectra": Markup(spectra_figure(view)),
+        "singular_values": _singular_values(view),
+        "choices": _choices(view),
         "poles": Markup(poles_figure(view)),
-        "hats_go_on": shown is not None and shown.parameter_set.partition.validity == "hat",
+        "weights_go_on": shown is not None
+        and shown.parameter_set.partition.validity in ("hat", "cubic", "cubic_warp"),
         "mode_names": mode_names(view),
         "pole_rows": pole_rows(view),
         "surrogates": surrogate_tables(view),
@@ -103,6 +110,20 @@ def _set_content(view: SetView) -> dict[str, Any]:
             (model.title, _json(_model_settings(model.parameter_set.provenance))) for model in view.models
         ],
     }
+
+
+def _singular_values(view: SetView) -> Markup:
+    """Return the figure of the set's local models, which all its n4sid networks share."""
+    local = next((model.candidate.local for model in view.models if model.candidate.local is not None), None)
+    return Markup("" if local is None else singular_values_figure(local, view.name))
+
+
+def _choices(view: SetView) -> list[ChoiceRow]:
+    """Return every choice once: those of the local models, then those of single networks."""
+    rows: dict[ChoiceRow, None] = {}
+    for model in view.models:
+        rows |= dict.fromkeys(choice_rows(model.candidate.choices, model.title))
+    return list(rows)
 
 
 def _signals(view: SetView) -> list[dict[str, Any]]:

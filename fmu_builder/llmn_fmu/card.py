@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 
+from pydantic import JsonValue
+
 from fmu_builder.fmi2 import Interface
 from fmu_builder.parameter_set import ParameterSet
 
@@ -26,6 +28,9 @@ _STYLE = (
     "table{border-collapse:collapse;margin:.6em 0}"
     "td,th{border:1px solid #bbb;padding:.2em .6em;text-align:left}"
 )
+_CHOICES = "choices"
+"""Where the provenance keeps automatic choices: a list of objects."""
+_CHOICE_COLUMNS = ("name", "value", "place", "reason")
 _SCORE_COLUMNS = ("signal", "split", "data_set", "fit", "max_error")
 
 
@@ -43,6 +48,7 @@ def model_card(parameter_set: ParameterSet, shown: Interface) -> str:
         *_behaviour(parameter_set),
         *_variables(shown),
         *_scores(parameter_set),
+        *_choices(parameter_set),
         *_provenance(parameter_set),
     ]
     head = f'<meta charset="utf-8"><title>{escape(shown.model_name)}</title><style>{_STYLE}</style>'
@@ -124,10 +130,27 @@ def _scores(parameter_set: ParameterSet) -> Iterator[str]:
         yield _table(_SCORE_COLUMNS, rows)
 
 
+def _choices(parameter_set: ParameterSet) -> Iterator[str]:
+    if records := _choice_records(parameter_set):
+        yield "<h2>What was chosen automatically</h2>"
+        yield _table(
+            _CHOICE_COLUMNS, [[_number(record.get(name)) for name in _CHOICE_COLUMNS] for record in records]
+        )
+
+
+def _choice_records(parameter_set: ParameterSet) -> list[dict[str, JsonValue]]:
+    """Return the automatic choices, nothing where the provenance holds something else by their name."""
+    found = parameter_set.provenance.get(_CHOICES)
+    records = found if isinstance(found, list) else []
+    return [one for one in records if isinstance(one, dict)]
+
+
 def _provenance(parameter_set: ParameterSet) -> Iterator[str]:
     yield "<h2>Where it comes from</h2>"
     rows = [("model hash", parameter_set.model_hash())]
-    rows += [(name, _number(parameter_set.provenance[name])) for name in sorted(parameter_set.provenance)]
+    told = {_CHOICES} if _choice_records(parameter_set) else set()
+    names = sorted(set(parameter_set.provenance) - told)
+    rows += [(name, _number(parameter_set.provenance[name])) for name in names]
     yield _table(("what", "value"), rows)
 
 

@@ -160,7 +160,7 @@ def test_the_page_stays_small_and_names_no_place(page: str) -> None:
 
 def test_every_figure_has_words(page: str) -> None:
     pictures = [found for tag, found in read(page).attributes if tag == "svg"]
-    assert len(pictures) == 1 + 2 * 4
+    assert len(pictures) == 1 + 2 * 5
     assert all(found.get("role") == "img" and len(found.get("aria-label") or "") > 40 for found in pictures)
 
 

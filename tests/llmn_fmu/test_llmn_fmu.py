@@ -124,6 +124,16 @@ def test_the_model_card_shows_scores_and_escapes_text() -> None:
     assert "Scores" not in model_card(networks.network(43), interface(networks.network(43)))
 
 
+def test_the_model_card_tells_what_was_chosen_automatically() -> None:
+    choices = [{"name": "network.warp", "value": [0.5, -0.25], "reason": "less error", "place": "a < b"}]
+    parameter_set = networks.network(43).replaced(provenance={"choices": choices, "seed": 5})
+    card = model_card(parameter_set, interface(parameter_set))
+    assert "<td>network.warp</td><td>[0.5, -0.25]</td><td>a &lt; b</td><td>less error</td>" in card
+    assert "<td>seed</td>" in card and "<td>choices</td>" not in card
+    foreign = parameter_set.replaced(provenance={"choices": "all by hand"})
+    assert "<td>choices</td><td>all by hand</td>" in model_card(foreign, interface(foreign))
+
+
 def test_the_same_parameter_set_gives_the_same_bytes(fmu: Path, tmp_path: Path) -> None:
     assert built(networks.network(43, feedthrough=True), tmp_path).read_bytes() == fmu.read_bytes()
 

@@ -109,8 +109,10 @@ def _share_axes(panels: list[Axes], columns: int) -> None:
     """Give panels that show the same one scale, and its labels to the outer ones."""
     shown = [axes for axes in panels if axes.get_visible()]
     low, high = (pick(axes.get_ylim()[k] for axes in shown) for k, pick in enumerate((min, max)))
+    most = max(axes.get_xlim()[1] for axes in shown)
     for index, axes in enumerate(panels):
         axes.set_ylim(low, high)
+        axes.set_xlim(0.0, most)
         if index % columns:
             axes.set_ylabel("")
             axes.tick_params(labelleft=False)

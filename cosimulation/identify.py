@@ -215,7 +215,7 @@ def identify_from_folder(settings: IdentifySettings, reporter: Reporter = SILENT
     data = load_data_folder(settings.data)
     training = [item.data for item in data.select("operating_point", "train")]
     static_map, before = _static_map(settings, data)
-    reporter.say(f"identifying {settings.n4sid.positions.size} local models of {settings.name}")
+    reporter.say(f"identifying the local models of {settings.name}")
     local = identify(training, settings.n4sid, static_map, settings.descriptions)
     diagnostics: dict[str, Any] = {}
     if settings.method == "surrogate":

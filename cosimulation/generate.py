@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosimulation.data_folder import INDEX, DataFolder, Experiment
+from cosimulation.data_folder import FORMAT, INDEX, DataFolder, Experiment
 from cosimulation.fmu_driver import FloatArray, StartValue, running_fmu
 from cosimulation.fmu_file import OpenFmu, open_fmu, same_unit
 from cosimulation.progress import SILENT, Reporter
@@ -38,7 +38,7 @@ def generate_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> Pa
         OutputError: The folder cannot be written.
     """
     _check(settings)
-    with result_folder(settings.output, INDEX) as folder:
+    with result_folder(settings.output, INDEX, FORMAT) as folder:
         make_data(settings, reporter).save(folder)
     return settings.output
 
@@ -49,6 +49,7 @@ def make_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> DataFo
     origin: dict[str, Any] = {
         "settings": settings.model_dump(mode="json", exclude={"output": True, "reference": {"fmu"}})
     }
+    recorded = _recorded_experiments(settings)
     with ExitStack() as stack:
         fmu = stack.enter_context(open_fmu(settings.reference.fmu)) if settings.reference.fmu else None
         if fmu is not None:
@@ -62,7 +63,7 @@ def make_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> DataFo
         steps = sum(round((item.duration or 0.0) / settings.excitation.sample_time) for item in driven)
         with reporter.bar("reference data", max(steps, 1)) as advance:
             experiments = [
-                _recorded(settings, item) if item.file else _simulated(settings, item, index, fmu, advance)
+                recorded.get(index) or _simulated(settings, item, index, fmu, advance)
                 for index, item in enumerate(settings.experiments)
             ]
         static_map = _static_map(settings, fmu, experiments)
@@ -169,6 +170,25 @@ def _noise(settings: GenerateSettings, data: DataSet) -> dict[str, float]:
     units = dict(zip(data.names, data.units, strict=True))
     deviations = {name: by_unit.get(units[name], 0.0) for name in settings.signals.outputs}
     return {name: value for name, value in deviations.items() if value > 0.0}
+
+
+def _recorded_experiments(settings: GenerateSettings) -> dict[int, Experiment]:
+    """Return the experiments that come from files by their place in the settings.
+
+    Raises:
+        DataError: All problems of all files, before anything is simulated.
+    """
+    read: dict[int, Experiment] = {}
+    found: list[Problem] = []
+    for index, item in enumerate(settings.experiments):
+        if item.file is not None:
+            try:
+                read[index] = _recorded(settings, item)
+            except DataError as refused:
+                found += refused.problems
+    if found:
+        raise DataError(found)
+    return read
 
 
 def _recorded(settings: GenerateSettings, item: ExperimentSettings) -> Experiment:

@@ -93,10 +93,15 @@ class ExperimentSettings(Section):
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> ExperimentSettings:
+        wrong = []
         if self.kind == "operating_point" and self.height is None:
-            raise ValueError("an operating_point experiment needs its height")
+            wrong.append("an operating_point experiment needs its height")
         if (self.file is None) == (self.duration is None):
-            raise ValueError("an experiment needs either a file or a duration")
+            wrong.append("an experiment needs either a file or a duration")
+        if not self.low < self.high:
+            wrong.append(f"low {self.low:g} is not below high {self.high:g}")
+        if wrong:
+            raise ValueError("; ".join(wrong))
         return self
 
 
@@ -115,6 +120,12 @@ class StaticMapSettings(Section):
     )
     heights: int = Field(41, ge=9, le=10_000)
     settling_time: float = Field(20.0, gt=0, description="simulated at each height, method settle [s]")
+
+    @model_validator(mode="after")
+    def _rises(self) -> StaticMapSettings:
+        if not self.low < self.high:
+            raise ValueError(f"low {self.low:g} is not below high {self.high:g}")
+        return self
 
 
 class Noise(Section):

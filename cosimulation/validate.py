@@ -14,7 +14,7 @@ from cosimulation.fmu_file import OpenFmu, open_fmu, same_unit
 from cosimulation.progress import SILENT, Reporter
 from fmu_builder.errors import DataError, Problem, SettingsError
 from fmu_builder.files import write_text
-from identification.data_set import DataSet
+from identification.data_set import DataSet, load_all
 from identification.scores import records
 
 
@@ -142,20 +142,31 @@ def validate_fmu(
     if reference_start and reference is None:
         mend = "Give --reference, or leave --start out"
         raise SettingsError.of("--start", "is of the reference FMU, and there is none", mend)
-    experiments = [DataSet.load(file) for file in data_files]
+    experiments = load_all(data_files)
     if reference is not None:
         with open_fmu(reference) as fmu:
             experiments = [_with_outputs_of(fmu, data, reference_start or {}) for data in experiments]
     found: list[dict[str, Any]] = []
-    with (
-        open_fmu(path) as fmu,
-        reporter.bar(f"co-simulating {path.name}", sum(map(len, experiments))) as advance,
-    ):
-        for data in experiments:
-            run = co_simulate(fmu, data, advance=advance)
-            labels = {"model": fmu.description.modelName, "data_set": data.name, "recommended": True}
-            found += records(run.reference, run.outputs, run.signals, labels)
+    with open_fmu(path) as fmu:
+        _refuse_unfit(fmu, experiments)
+        with reporter.bar(f"co-simulating {path.name}", sum(map(len, experiments))) as advance:
+            for data in experiments:
+                run = co_simulate(fmu, data, advance=advance)
+                labels = {"model": fmu.description.modelName, "data_set": data.name, "recommended": True}
+                found += records(run.reference, run.outputs, run.signals, labels)
     return Validation(path.name, tuple(found))
+
+
+def _refuse_unfit(fmu: OpenFmu, experiments: Sequence[DataSet]) -> None:
+    """Refuse experiments that do not fit an FMU, all of them, before the first one runs."""
+    found: list[Problem] = []
+    for data in experiments:
+        try:
+            mapped_signals(fmu, data)
+        except DataError as refused:
+            found += refused.problems
+    if found:
+        raise DataError(found)
 
 
 def _with_outputs_of(

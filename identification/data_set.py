@@ -250,6 +250,24 @@ def _missing(place: str, present: Sequence[str], wanted: Sequence[str]) -> list[
     return found
 
 
+def load_all(paths: Iterable[Path]) -> list[DataSet]:
+    """Read data sets: see `DataSet.load`.
+
+    Raises:
+        DataError: All problems of all files.
+    """
+    loaded: list[DataSet] = []
+    found: list[Problem] = []
+    for path in paths:
+        try:
+            loaded.append(DataSet.load(path))
+        except DataError as refused:
+            found += refused.problems
+    if found:
+        raise DataError(found)
+    return loaded
+
+
 def load(path: Path, required: Iterable[str] = ()) -> DataSet:
     """Read a data set: see `DataSet.load`."""
     return DataSet.load(path, required)

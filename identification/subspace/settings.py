@@ -64,15 +64,18 @@ class SubspaceSettings(BaseModel):
 
     @model_validator(mode="after")
     def _fits_together(self) -> SubspaceSettings:
+        wrong = []
         if self.order != "auto" and not 1 <= self.order <= LARGEST_ORDER:
-            raise ValueError(f"order must be 1 .. {LARGEST_ORDER}")
+            wrong.append(f"order must be 1 .. {LARGEST_ORDER}")
         if self.block_rows != "auto" and self.block_rows < 2:
-            raise ValueError("block_rows must be at least 2")
+            wrong.append("block_rows must be at least 2")
         if self.high_order is not None and self.order != "auto" and self.high_order <= self.order:
-            raise ValueError("high_order must be above order")
+            wrong.append("high_order must be above order")
         instrument, weighting = self.combination
         if instrument == "none" and weighting != "moesp":
-            raise ValueError(f'weighting "{weighting}" needs an instrument: "past_inputs" or "past"')
+            wrong.append(f'weighting "{weighting}" needs an instrument: "past_inputs" or "past"')
+        if wrong:
+            raise ValueError("; ".join(wrong))
         return self
 
     @property

@@ -125,3 +125,19 @@ def test_experiments_without_anything_to_drive_are_named_all_at_once() -> None:
     with pytest.raises(SettingsError) as caught:
         make_data(settings(Path("x.fmu"), reference={}))
     assert len(caught.value.problems) == 2
+
+
+def test_recorded_files_are_refused_all_at_once_before_anything_is_driven(tmp_path: Path) -> None:
+    (tmp_path / "cut.csv").write_text("time [s],eta [m]\n0.0,1.5\n0.001,", encoding="utf-8")
+    common = {"kind": "whole_range", "split": "train"}
+    experiments = [
+        {"name": "driven", "duration": 1.0, **common},
+        {"name": "cut", "file": tmp_path / "cut.csv", **common},
+        {"name": "missing", "file": tmp_path / "missing.csv", **common},
+    ]
+    folder = tmp_path / "data"
+    chosen = {"experiments": experiments, "output": folder, "reference": {"fmu": tmp_path / "none.fmu"}}
+    with pytest.raises(DataError) as caught:
+        generate_data(parse_settings(GenerateSettings, chosen, "test"))
+    assert {Path(problem.place).name for problem in caught.value.problems} == {"cut.csv", "missing.csv"}
+    assert [item.name for item in tmp_path.iterdir()] == ["cut.csv"]

@@ -40,6 +40,18 @@ def test_somebody_elses_files_stay(tmp_path: Path) -> None:
     assert [item.name for item in tmp_path.rglob("*")] == ["mine", "thesis.txt"]
 
 
+def test_a_mark_of_that_name_but_of_another_origin_is_none(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "mark.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(OutputError, match="no earlier run wrote"), result_folder(mine, "mark.json", "ours"):
+        pass
+    (mine / "mark.json").write_text('{"format": "ours"}', encoding="utf-8")
+    with result_folder(mine, "mark.json", "ours") as folder:
+        (folder / "mark.json").write_text("ours again", encoding="utf-8")
+    assert (mine / "mark.json").read_text(encoding="utf-8") == "ours again"
+
+
 def test_a_file_stays_a_file(tmp_path: Path) -> None:
     path = tmp_path / "notes"
     path.write_text("a file", encoding="utf-8")

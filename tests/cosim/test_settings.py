@@ -64,6 +64,11 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         ({"static_map": {"low": float("nan")}}, "static_map.low"),
         ({"excitation": {"torque_amplitude": float("inf")}}, "excitation"),
         ({"static_map": {"heights": 10**9}}, "static_map.heights"),
+        ({"static_map": {"low": 2.5, "high": 0.5}}, "low 2.5 is not below high 0.5"),
+        (
+            {"experiments": [{"name": "a", "kind": "operating_point", "split": "test", "low": 3.0}]},
+            "needs its height; an experiment needs either a file or a duration; low 3 is not below high 2.4",
+        ),
         ({"signals": {"inputs": {}}}, "at least one input"),
         ({"signals": {"outputs": {"eta": "xi"}}}, "both an input and an output: eta"),
         ({"signals": {"units": {"etta": "mm"}}}, "not mapped: etta"),

@@ -44,6 +44,20 @@ def test_a_column_in_another_unit_is_refused(blow: WholePath, tmp_path: Path) ->
         validate_fmu(model, [recorded(tmp_path / "bad.npz", unit="mm")])
 
 
+def test_experiments_are_refused_all_at_once_and_before_the_first_runs(
+    blow: WholePath, tmp_path: Path
+) -> None:
+    model = blow.fmus["pantograph_n4sid_blow"]
+    good, bad = recorded(tmp_path / "good.npz"), recorded(tmp_path / "bad.npz", unit="mm")
+    other = recorded(tmp_path / "other.npz", names=("height", "M_pa", "xi"))
+    with pytest.raises(DataError) as refused:
+        validate_fmu(model, [good, bad, other])
+    assert len(refused.value.problems) == 2
+    with pytest.raises(DataError) as refused:
+        validate_fmu(model, [tmp_path / "one.csv", good, tmp_path / "two.npz"])
+    assert len(refused.value.problems) == 2
+
+
 @pytest.mark.parametrize(
     ("one", "other", "same"),
     [("N.m", "Nm", True), ("N*m", "N.m", True), ("", "m", True), (None, "m", True), ("mm", "m", False)],

@@ -181,3 +181,10 @@ def test_local_models_that_are_blended_get_one_order() -> None:
     orders = [choice for choice in local.choices if choice.name == "subspace.order"]
     assert [(choice.place, choice.value) for choice in orders] == [("load = -6", 5), ("load = 2", 5)]
     assert orders[1].reason == "as the largest of the local models, 4 would do here"
+
+
+def test_settings_that_do_not_fit_together_are_told_at_once() -> None:
+    with pytest.raises(
+        ValidationError, match=r"order must be 1 \.\. 200; block_rows must be at least 2; wei"
+    ):
+        SubspaceSettings(order=0, block_rows=1, method="MOESP", weighting="cva")

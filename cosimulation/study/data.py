@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal, get_args
 
 from cosimulation.data_folder import DataFolder
 from cosimulation.generate import make_data
@@ -15,8 +16,12 @@ from identification.validity import equidistant_centres
 RANGE = (0.5, 2.5)
 """Operating range of eta [m]."""
 
-NOISES = {"none": (0.0, 0.0), "1e-5 m, 1e-3 m/s": (1e-5, 1e-3), "1e-4 m, 1e-2 m/s": (1e-4, 1e-2)}
-"""Measurement noise on training data by name: standard deviation of positions [m] and of velocities [m/s]."""
+Noise = Literal["none", "1e-5 m, 1e-3 m/s", "1e-4 m, 1e-2 m/s"]
+NOISES: dict[Noise, tuple[float, float]] = dict(
+    zip(get_args(Noise), ((0.0, 0.0), (1e-5, 1e-3), (1e-4, 1e-2)), strict=True)
+)
+"""Measurement noise on training data by name, in order of size: standard deviation of positions [m] and of
+velocities [m/s]."""
 
 _NOISE_STREAM = 1000
 
@@ -59,7 +64,7 @@ def study_data(
     return make_data(settings), settings
 
 
-def noisy(data: DataSet, noise: str, seed: int, stream: int) -> DataSet:
+def noisy(data: DataSet, noise: Noise, seed: int, stream: int) -> DataSet:
     """Return training data with measurement noise by its name in `NOISES`; forces follow the positions.
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from cosimulation.progress import Reporter
 from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
 from cosimulation.study import blending, order, tables
-from cosimulation.study.limits import judge
+from cosimulation.study.limits import judge, plural
 from cosimulation.study.page import Section, render
 from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
 from fmu_builder.compiler import host_platform
@@ -76,7 +76,7 @@ def run(
         text = settings.model_dump_json(indent=1)
         page = render(
             settings.title,
-            f"{len(settings.seeds)} seeds, white-box sets {', '.join(settings.sets)}",
+            f"{plural(len(settings.seeds), 'seed')}, white-box sets {', '.join(settings.sets)}",
             verdicts,
             study.sections(settings, scores),
             text,
@@ -89,7 +89,10 @@ def run(
 
 
 def _with_recommendations(scores: Records) -> Records:
-    """Mark configurations by their validation scores; records without validation data stay as they are."""
-    judged = [item for item in scores if item["data_set"] in ("wr_validation", "wr_test")]
-    marked = iter(marked_recommended(judged))
-    return [next(marked) if item["data_set"] in ("wr_validation", "wr_test") else item for item in scores]
+    """Mark configurations by their validation scores; what no data were identified from never competes."""
+
+    def competes(item: Mapping[str, Any]) -> bool:
+        return item["model"] == "n4sid" and item["data_set"] in ("wr_validation", "wr_test")
+
+    marked = iter(marked_recommended([item for item in scores if competes(item)]))
+    return [next(marked) if competes(item) else item for item in scores]

@@ -12,23 +12,29 @@ from pydantic import Field
 from cosimulation.settings import Section
 from identification.scores import FIELDS
 
+Where = dict[str, str | int | float | bool | tuple[int, ...] | None]
+"""Fields of score records and what they hold; of several numbers any."""
+
 
 class Limit(Section):
     """One line of an acceptance table; the statistics are over seeds, of the FIT on test data."""
 
     label: str
-    where: dict[str, str | int | float | bool | None] = Field(description="fields of a score record")
+    where: Where = Field(description="fields of a score record")
     combine: Literal["best", "worst"] = Field(
         "best",
         description="of several matching records of one seed: the better of alternatives, or the worst",
     )
-    less: dict[str, str | int | float | bool | None] | None = Field(
+    less: Where | None = Field(
         None, description="fields of records whose FIT is subtracted, for limits on a difference"
     )
     median: float | None = Field(None, description="smallest median that passes [%]")
     worst: float | None = Field(None, description="smallest worst value that passes [%]")
     stretch: float | None = Field(None, description="a median to strive for; never fails [%]")
     thesis: float | None = Field(None, description="the thesis's figure, for comparison [%]")
+    yardstick: Where | None = Field(
+        None, description="fields of records that say what exact linearisations reach in the same place"
+    )
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,7 @@ class Verdict:
         median: Over the seeds [%]; NaN without data.
         worst: Over the seeds [%].
         seeds: How many seeds there were.
+        yardstick: Median of the limit's yardstick [%]; None without one.
         passed: None for a limit that only prints.
     """
 
@@ -47,6 +54,7 @@ class Verdict:
     median: float
     worst: float
     seeds: int
+    yardstick: float | None
     passed: bool | None
 
     def line(self) -> str:
@@ -59,8 +67,16 @@ class Verdict:
         word = {True: "pass", False: "FAIL", None: "printed"}[self.passed]
         stretch = f", stretch {self.limit.stretch:g}" if self.limit.stretch is not None else ""
         thesis = f" [thesis {self.limit.thesis:g}]" if self.limit.thesis is not None else ""
-        measured = f"median {self.median:7.3f}  worst {self.worst:7.3f}  ({self.seeds} seeds)"
-        return f"{word:<8}{self.limit.label:<58}{measured}  {', '.join(asked)}{stretch}{thesis}"
+        failed = self.passed is False and self.yardstick is not None
+        bound = f" (exact linearisations {self.yardstick:.3f})" if failed else ""
+        seeds = plural(self.seeds, "seed")
+        measured = f"median {self.median:7.3f}  worst {self.worst:7.3f}  ({seeds})"
+        return f"{word:<8}{self.limit.label:<58}{measured}  {', '.join(asked)}{stretch}{thesis}{bound}"
+
+
+def plural(count: int, noun: str) -> str:
+    """Return a number of things as text."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def judge(limit: Limit, records: Sequence[Mapping[str, Any]]) -> Verdict:
@@ -69,7 +85,8 @@ def judge(limit: Limit, records: Sequence[Mapping[str, Any]]) -> Verdict:
     Raises:
         KeyError: The limit names a field that a record does not have.
     """
-    unknown = sorted((set(limit.where) | set(limit.less or {})) - set(FIELDS))
+    named = set(limit.where) | set(limit.less or {}) | set(limit.yardstick or {})
+    unknown = sorted(named - set(FIELDS))
     if unknown:
         raise KeyError(f"limit {limit.label!r}: no such field {', '.join(unknown)}")
     by_seed = _by_seed(limit.where, limit, records)
@@ -81,11 +98,17 @@ def judge(limit: Limit, records: Sequence[Mapping[str, Any]]) -> Verdict:
             if seed in other
         }
     values = list(by_seed.values())
+    reached = list(_by_seed(limit.yardstick, limit, records).values()) if limit.yardstick else []
     median = float(np.median(values)) if values else float("nan")
     worst = float(np.min(values)) if values else float("nan")  # NaN stays NaN: nothing to compare with
     bounds = [(median, limit.median), (worst, limit.worst)]
     asked = [value >= bound for value, bound in bounds if bound is not None]
-    return Verdict(limit, median, worst, len(values), all(asked) if asked else None)
+    yardstick = float(np.median(reached)) if reached else None
+    return Verdict(limit, median, worst, len(values), yardstick, all(asked) if asked else None)
+
+
+def _matches(held: Any, wanted: Any) -> bool:
+    return held in wanted if isinstance(wanted, tuple) else bool(held == wanted)
 
 
 def _by_seed(
@@ -95,7 +118,7 @@ def _by_seed(
     chosen = max if limit.combine == "best" else min
     found: dict[int, float] = {}
     for record in records:
-        if record["split"] == "test" and all(record[key] == value for key, value in where.items()):
+        if record["split"] == "test" and all(_matches(record[key], value) for key, value in where.items()):
             fit = -np.inf if record["fit"] is None else float(record["fit"])
             seed = record["seed"]
             found[seed] = chosen(fit, found[seed]) if seed in found else fit

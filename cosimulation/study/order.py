@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from cosimulation.pantograph import INPUTS, OUTPUTS, SIGNALS
-from cosimulation.study.data import centres, noisy, operating_points, study_data
+from cosimulation.study.data import Noise, centres, noisy, operating_points, study_data
 from cosimulation.study.runner import StudySettings
 from fmu_builder.errors import IdentificationError
 from fmus.wbm import parameter_sets
@@ -32,7 +32,7 @@ class OrderSettings(StudySettings):
     orders: tuple[int, ...] = (6, 8, 10, 12, 14, 17, 20, 25, 30, 40, 50)
     reduced_to: int = 6
     least_block_rows: int = Field(50, ge=2, description="of the estimator; higher orders take more")
-    noises: tuple[str, ...] = ("none",)
+    noises: tuple[Noise, ...] = ("none",)
     duration: float = Field(42.0, gt=0)
 
 

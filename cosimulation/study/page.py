@@ -20,6 +20,21 @@ Cell = tuple[float, float | None]
 
 
 @dataclass(frozen=True)
+class Row:
+    """One row of a table.
+
+    Attributes:
+        name: Heading.
+        cells: One per column.
+        yardstick: Whether it is there to measure the others by, not to choose.
+    """
+
+    name: str
+    cells: Sequence[Cell]
+    yardstick: bool = False
+
+
+@dataclass(frozen=True)
 class Table:
     """A coloured table of FIT values.
 
@@ -27,13 +42,13 @@ class Table:
         caption: What is shown.
         corner: Heading of the first column.
         columns: Headings of the others.
-        rows: Name and one cell per column.
+        rows: One cell per column each.
     """
 
     caption: str
     corner: str
     columns: Sequence[str]
-    rows: Sequence[tuple[str, Sequence[Cell]]]
+    rows: Sequence[Row]
 
 
 @dataclass(frozen=True)
@@ -69,7 +84,14 @@ def number(fit: float) -> str:
     """Return a FIT as text."""
     if math.isnan(fit):
         return "none"
-    return f"{fit:.2f}" if fit > -1000.0 else "< -1000"
+    if fit <= -1000.0:
+        return "< \N{MINUS SIGN}1000"
+    return f"{fit:.2f}".replace("-", "\N{MINUS SIGN}")
+
+
+def exact(fit: float) -> str:
+    """Return a FIT or a difference of two with the digits that decide a limit."""
+    return "none" if math.isnan(fit) else f"{fit:.3f}".replace("-", "\N{MINUS SIGN}")
 
 
 def asked(limit: Limit) -> str:
@@ -89,12 +111,13 @@ def render(
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    environment.globals.update(colour=colour, number=number, asked=asked)
+    environment.globals.update(colour=colour, number=number, exact=exact, asked=asked)
     style = (REPORT_TEMPLATES / "style.css").read_text(encoding="utf-8")
     return environment.get_template("study.html.jinja").render(
         title=title,
         lead=lead,
         verdicts=verdicts,
+        yardsticks=any(verdict.yardstick is not None for verdict in verdicts),
         sections=sections,
         settings=settings,
         style=Markup(style),

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from cosimulation.pantograph import SIGNALS
-from cosimulation.study import order
-from cosimulation.study.page import Cell, Section, Table
+from cosimulation.study import figures, order
+from cosimulation.study.blending import (
+    BlendingSettings,
+    Configuration,
+    OwnOperatingPoint,
+    TableSettings,
+)
+from cosimulation.study.data import NOISES
+from cosimulation.study.page import Cell, Drawing, Row, Section, Table
 
 Records = Sequence[Mapping[str, Any]]
-KINDS = {False: "Networks on whole-range test data", True: "One local model at its own operating point"}
+Shown = Mapping[tuple[Any, ...], Mapping[str, Sequence[float | None]]]
+"""FIT over the seeds by configuration and signal; None where a model ran away."""
+_OWN = """One local model at its own operating point, scored on fresh data of that point: what the estimator
+reaches before anything is blended. The yardstick is the white-box model's exact linearisation there."""
 
 
 def statistics(fits: Sequence[float | None]) -> Cell:
@@ -20,7 +30,7 @@ def statistics(fits: Sequence[float | None]) -> Cell:
     values = [-np.inf if fit is None else float(fit) for fit in fits]
     if not values:
         return float("nan"), None
-    return float(np.median(values)), float(min(values))
+    return float(np.median(values)), float(min(values)) if len(values) > 1 else None
 
 
 def order_sections(settings: order.OrderSettings, records: list[dict[str, Any]]) -> list[Section]:
@@ -32,12 +42,10 @@ def order_sections(settings: order.OrderSettings, records: list[dict[str, Any]])
             for signal in reversed(SIGNALS):
                 for route in (order.FULL, order.REDUCED):
                     shown = order.table(records, wbm, signal, route, noise)
-                    what = route if route == order.FULL else f"reduced to {settings.reduced_to} states"
-                    caption = (
-                        f"FIT of {signal} [%], {what}, noise on training data: {noise}. Median over seeds."
-                    )
+                    what = "full order" if route == order.FULL else f"reduced to {settings.reduced_to} states"
+                    caption = f"FIT of {signal} [%], {what}{_with_noise(noise)}. Median over the seeds."
                     rows = [
-                        (name, [(value, None) for value in cells])
+                        Row(name, [(value, None) for value in cells])
                         for name, cells in zip(shown["data_sets"], shown["cells"], strict=True)
                     ]
                     columns = [f"n = {number}" for number in shown["orders"]]
@@ -50,33 +58,99 @@ def order_sections(settings: order.OrderSettings, records: list[dict[str, Any]])
     return sections
 
 
-def blending_sections(settings: Any, records: list[dict[str, Any]]) -> list[Section]:
-    """Return one section per white-box set: all configurations, all signals, median and worst."""
+def blending_sections(settings: BlendingSettings, records: list[dict[str, Any]]) -> list[Section]:
+    """Return one section per table of the settings, and one of the local models at their own points."""
+    shown = by_configuration(records)
     sections = []
-    for wbm in settings.sets:
-        chosen = [item for item in records if item["wbm"] == wbm and item["split"] == "test"]
-        noises = list(dict.fromkeys(item["noise"] for item in chosen))
-        found = []
-        for noise in noises:
-            with_noise = [item for item in chosen if item["noise"] == noise]
-            for local, kind in KINDS.items():
-                group = [item for item in with_noise if (item["data_set"] != "wr_test") == local]
-                if group:
-                    caption = f"{kind}; noise on training data: {noise}. Median, below it the worst seed."
-                    found.append(Table(caption, "configuration", list(SIGNALS), _rows(group, local)))
-        text = "FIT [%] of every configuration; tuned on training data, never on test data."
-        sections.append(Section(f"White-box set {wbm}", text, found))
+    for wanted in settings.tables:
+        tables = [_networks(settings, wanted, wbm, shown) for wbm in settings.sets]
+        drawn = _figure(settings, wanted, shown)
+        sections.append(Section(wanted.title, wanted.text, [table for table in tables if table.rows], drawn))
+    if settings.own_operating_point:
+        own = [_own(settings, wbm, shown) for wbm in settings.sets]
+        sections.append(Section("Local models at their own operating points", _OWN, own))
     return sections
 
 
-def _rows(group: Records, by_data_set: bool) -> list[tuple[str, list[Cell]]]:
-    """Return one row per configuration (and operating point), best contact force first."""
-    names: dict[tuple[Any, ...], dict[str, list[float | None]]] = {}
-    for item in group:
-        key = (item["route"], item["llms"], item["data_set"] if by_data_set else None)
-        names.setdefault(key, {}).setdefault(item["signal"], []).append(item["fit"])
+def by_configuration(records: Records) -> Shown:
+    """Return FIT values on test data by (set, route, number of models, noise, data set) and signal."""
+    found: dict[tuple[Any, ...], dict[str, list[float | None]]] = {}
+    for item in records:
+        if item["split"] == "test":
+            key = tuple(item[name] for name in ("wbm", "route", "llms", "noise", "data_set"))
+            found.setdefault(key, {}).setdefault(item["signal"], []).append(item["fit"])
+    return found
+
+
+def _with_noise(noise: str) -> str:
+    return "" if noise == "none" else f", noise of {noise} on training data"
+
+
+def _members(
+    settings: BlendingSettings, wanted: TableSettings, wbm: str
+) -> Iterator[tuple[Configuration, int, str]]:
+    """Yield configuration, number of models and noise of the rows: by name, then number, then noise."""
+    inside = [
+        one
+        for one in settings.configurations
+        if wbm in one.sets and (wanted.name in one.tables or not one.tables)
+    ]
+    for name in dict.fromkeys(one.name for one in inside):
+        cells = [(count, noise, one) for one in inside if one.name == name for count in one.llms
+                 for noise in one.noises]  # fmt: skip
+        sizes = list(NOISES)
+        for count, noise, one in sorted(cells, key=lambda cell: (cell[0], sizes.index(cell[1]))):
+            if wanted.llms is not None and count not in wanted.llms:
+                continue
+            if noise == "none" or wanted.every_noise:
+                yield one, count, noise
+
+
+def _networks(settings: BlendingSettings, wanted: TableSettings, wbm: str, shown: Shown) -> Table:
     rows = []
-    for (route, llms, data_set), signals in names.items():
-        label = f"{route}, {data_set}" if by_data_set else f"{route}, {llms} LLM"
-        rows.append((label, [statistics(signals.get(signal, [])) for signal in SIGNALS]))
-    return sorted(rows, key=lambda row: -row[1][-1][0])
+    for one, count, noise in _members(settings, wanted, wbm):
+        name = f"{one.name}, {count} LLM{_with_noise(noise)}"
+        signals = shown.get((wbm, one.name, count, noise, "wr_test"), {})
+        rows.append(_row(name, signals, one))
+    return Table(_caption(wbm, len(settings.seeds)), "configuration", SIGNALS, rows)
+
+
+def _own(settings: BlendingSettings, wbm: str, shown: Shown) -> Table:
+    points = dict.fromkeys(key[-1] for key in shown if key[0] == wbm and key[-1] != "wr_test")
+    rows = []
+    for own in settings.own_operating_point:
+        for noise in (noise for noise in NOISES if noise in own.noises):
+            for point in points:
+                signals = shown.get((wbm, own.route, 1, noise, point), {})
+                name = f"{own.route}, {point}{_with_noise(noise)}"
+                rows.append(_row(name, signals, own))
+    return Table(_caption(wbm, len(settings.seeds)), "local model", SIGNALS, rows)
+
+
+def _caption(wbm: str, seeds: int) -> str:
+    over = ": median over the seeds, below it the worst" if seeds > 1 else ", one seed"
+    return f"White-box set {wbm}. FIT on test data [%]{over}."
+
+
+def _row(
+    name: str, signals: Mapping[str, Sequence[float | None]], one: Configuration | OwnOperatingPoint
+) -> Row:
+    cells = [statistics(signals.get(signal, [])) for signal in SIGNALS]
+    return Row(name, cells, one.models == "linearisation")
+
+
+def _figure(settings: BlendingSettings, wanted: TableSettings, shown: Shown) -> list[Drawing]:
+    if wanted.figure is None:
+        return []
+    panels = []
+    for wbm in settings.sets:
+        curves: dict[str, figures.Curve] = {}
+        for one, count, noise in _members(settings, wanted, wbm):
+            fits = shown.get((wbm, one.name, count, noise, "wr_test"), {}).get("F_p", [])
+            name = one.name + _with_noise(noise)
+            curve = curves.setdefault(name, figures.Curve(name, one.models == "linearisation", {}))
+            curve.errors[count] = [100.0 - fit for fit in fits if fit is not None]
+        panels.append(figures.Panel(wbm, list(curves.values())))
+    if wanted.figure == "over_llms":
+        return [figures.over_llms(f"study-{wanted.name}", panels)]
+    return [figures.seeds(f"study-{wanted.name}", panels)]

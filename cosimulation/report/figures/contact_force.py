@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from cosimulation.report.figures.drawing import (
     INK,
     MUTED,
+    PALETTE,
     REFERENCE_BAND,
     buckets,
     drawing_style,
@@ -26,7 +27,6 @@ _COLUMNS = 480
 _ERROR_COLUMNS = 120
 _ERROR_LIMITS = (0.1, 1e6)
 """Errors beyond are drawn at these ends of the logarithmic axis [N]."""
-_VALIDITY_COLOURS = ("#0061a8", "#d98200", "#009e73", "#b0568f", "#d55e00", "#4aa5dd")
 
 
 def overview_figure(view: SetView) -> str:
@@ -89,7 +89,7 @@ def _validity(axes: Axes, view: SetView) -> None:
     shown = scheduled(view)
     if shown is not None:
         for index, share in enumerate(weights(shown.parameter_set.partition, eta[first]).T):
-            colour = _VALIDITY_COLOURS[index % len(_VALIDITY_COLOURS)]
+            colour = PALETTE[index % len(PALETTE)]
             axes.plot(time, share, color=colour, linewidth=1.3)
             peak = int(np.argmax(share))
             axes.annotate(

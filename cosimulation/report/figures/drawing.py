@@ -22,6 +22,8 @@ INK = "#1c1c1c"
 MUTED = "#5c6470"
 GRID = "#d9dde3"
 REFERENCE_BAND = "#b9bfc8"
+PALETTE = ("#0061a8", "#d98200", "#009e73", "#b0568f", "#d55e00", "#4aa5dd")
+"""Colours of curves that are told apart by them."""
 WIDTH = 8.2
 """Width of a figure [inch]; text of 9 pt is then as large as the text around it on a wide screen."""
 

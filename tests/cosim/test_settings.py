@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from cosimulation.settings import GenerateSettings, Signals, load_settings, parse_settings, with_flags
+from cosimulation.settings import (
+    ExperimentSettings,
+    GenerateSettings,
+    Noise,
+    Signals,
+    deviations,
+    load_settings,
+    parse_settings,
+    settings_line,
+    toml_value,
+    with_flags,
+)
 from fmu_builder.errors import SettingsError
 
 
@@ -90,3 +102,26 @@ def test_a_flag_is_checked_like_the_key_it_stands_in_for() -> None:
 def test_a_unit_of_one_signal_leaves_the_others_theirs() -> None:
     signals = Signals(units={"xi": "mm"})
     assert (signals.unit("xi"), signals.unit("eta"), signals.unit("unheard_of")) == ("mm", "m", "")
+
+
+def test_the_settings_are_told_in_one_line_by_what_is_unusual() -> None:
+    source = Path("run.toml")
+    assert settings_line(GenerateSettings(), source) == "settings: run.toml; all defaults"
+    experiments = tuple(
+        ExperimentSettings(name=f"e{k}", kind="whole_range", split="test", duration=1.0) for k in range(3)
+    )
+    unusual = GenerateSettings(seed=3, experiments=experiments, noise=Noise(velocity=0.5))
+    line = settings_line(unusual, source)
+    assert line == (
+        "settings: run.toml; not the default: seed = 3, experiments (3 entries), noise.velocity = 0.5"
+    )
+    assert settings_line(unusual, source, unusual) == "settings: run.toml; all defaults"
+    assert deviations(unusual, GenerateSettings(seed=3)) == {
+        "experiments": experiments, "noise.velocity": 0.5,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("value", [1, -2.5e-7, True, 'a "b"', (1.0, 2.0), {"a": 1.5, "b": [True, "x"]}])
+def test_values_are_told_as_toml(value: object) -> None:
+    expected = list(value) if isinstance(value, tuple) else value
+    assert tomllib.loads(f"key = {toml_value(value)}") == {"key": expected}

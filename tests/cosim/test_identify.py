@@ -1,0 +1,213 @@
+"""`llmn identify`: what it leaves to the data, tells, writes, and lets a user override."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cosim.whole_path import WholePath
+from cosimulation.identify import Identified, IdentifySettings, identify_from_folder
+from cosimulation.settings import parse_settings
+from fmu_builder.errors import DataError, IdentificationError, LlmnError, OutputError, SettingsError
+from fmu_builder.parameter_set import load
+from identification.data_set import DataSet
+from identification.excitation import with_measurement_noise
+
+HEAD = {"m_C": 5.419, "k_C": 6724.0, "c_C": 29.21}
+
+
+def settings(folder: Path, **values: Any) -> IdentifySettings:
+    given = {"name": "mine", "data": folder / "data", "output": folder / "mine.json", "head": HEAD, **values}
+    return parse_settings(IdentifySettings, given, "test")
+
+
+def write_data(
+    blow: WholePath, folder: Path, whole_range: bool = True, static_map: bool = True, **change: Any
+) -> Path:
+    """A data folder of 8 s at every height; `change` maps an experiment's name to what to do with it."""
+    experiments = []
+    for item in blow.data.experiments:
+        if item.split != "train" or (item.kind == "whole_range" and not whole_range):
+            continue
+        data = item.data.rows(0, 8000 if item.kind == "operating_point" else 40000)
+        shorter = replace(
+            item, data=DataSet(item.name, data.sample_time, data.names, data.units, data.values)
+        )
+        changed = change[item.name](shorter.data) if item.name in change else shorter.data
+        if changed is not None:
+            experiments.append(replace(shorter, data=changed))
+    known = replace(
+        blow.data,
+        experiments=tuple(experiments),
+        static_map=blow.data.static_map if static_map else None,
+    )
+    (folder / "data").mkdir()
+    known.save(folder / "data")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(blow: WholePath, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_data(blow, tmp_path_factory.mktemp("identify"))
+
+
+@pytest.fixture(scope="module")
+def found(folder: Path) -> Identified:
+    return identify_from_folder(settings(folder))
+
+
+def names(result: Identified) -> list[str]:
+    return list(dict.fromkeys(choice.name for choice in result.choices))
+
+
+def test_everything_is_chosen_told_and_kept(found: Identified) -> None:
+    expected = ["static_map", "n4sid.subspace.order", "n4sid.subspace.block_rows", "network.warp"]
+    assert names(found) == [*expected, "network.blending"]
+    assert [choice.place for choice in found.choices if choice.name == "n4sid.subspace.order"] == [
+        "eta = 0.75", "eta = 1.25", "eta = 1.75", "eta = 2.25",
+    ]  # fmt: skip
+    text = found.text()
+    assert all(choice.name in text and choice.reason in text for choice in found.choices)
+    chosen = load(found.path)
+    assert (chosen.partition.validity, chosen.blending) == ("cubic_warp", "parameter")
+    records = [choice.record() for choice in found.choices]
+    assert chosen.provenance["choices"] == records == found.summary()["choices"]
+    (tuned_on,) = chosen.provenance["tuning"]  # type: ignore[misc]
+    assert tuned_on["name"] == "wr_train"  # type: ignore[call-overload,index]
+    assert chosen.provenance["identify"]["head"]["k_E"] == 1e5  # type: ignore[index,call-overload]
+    json.dumps(found.summary())
+
+
+def test_what_is_printed_is_what_overrides(found: Identified, folder: Path) -> None:
+    """Every choice, pasted into the settings file, is no choice any more and gives the same network."""
+    keys = re.findall(r"^  (\S+ = .*?)(?: \(eta = \S+\))?: ", found.text(), re.MULTILINE)
+    rows = {k.split(" = ")[0] for k in keys}
+    assert rows == set(names(found))
+    block_rows = [model.diagnostics["block_rows"] for model in found.local.models]
+    pasted: dict[str, Any] = {"static_map": "folder", "network": {}, "n4sid": {"subspace": {"order": 6}}}
+    for key in keys:
+        if key.startswith("network."):
+            pasted["network"] |= tomllib.loads(key)["network"]
+    again = identify_from_folder(settings(folder, **pasted, output=folder / "again.json"))
+    assert set(names(again)) == {"n4sid.subspace.block_rows"}  # one number for all where the data chose four
+    assert [model.diagnostics["block_rows"] for model in again.local.models] == block_rows
+    assert again.parameter_set.partition.warp == pytest.approx(found.parameter_set.partition.warp, rel=1e-5)
+    pasted["n4sid"]["subspace"]["block_rows"] = 50
+    fixed = identify_from_folder(settings(folder, **pasted, output=folder / "again.json"))
+    assert fixed.choices == () and "nothing was chosen automatically" in fixed.text()
+
+
+def test_a_table_that_gives_one_key_leaves_the_others_to_the_data(folder: Path) -> None:
+    def network(**given: Any) -> Any:
+        return settings(folder, network=given).network
+
+    assert network(blending="output").validity == "cubic_warp"
+    assert network(validity="hat").open_choices == ("blending",)
+    assert network(validity="hat", blending="output").open_choices == ()
+    with pytest.raises(SettingsError, match="'blending'"):
+        network(blendin="output")
+
+
+def test_without_whole_range_data_the_defaults_stand_in_and_say_so(blow: WholePath, tmp_path: Path) -> None:
+    result = identify_from_folder(settings(write_data(blow, tmp_path, whole_range=False, static_map=False)))
+    reasons = {choice.name: choice.reason for choice in result.choices}
+    assert "no whole-range training data" in reasons["network.validity"]
+    assert "the data folder holds none" in reasons["static_map"]
+    assert result.parameter_set.partition.validity == "cubic"
+    assert result.parameter_set.provenance["tuning"] == []
+    with pytest.raises(DataError, match="none in the data folder"):
+        identify_from_folder(settings(tmp_path, static_map="folder"))
+
+
+def test_the_page_is_the_same_for_the_same_data_and_names_no_place(found: Identified, folder: Path) -> None:
+    assert found.page == folder / "mine.html" and str(found.page) in found.text()
+    page = found.page.read_text(encoding="utf-8")
+    other = identify_from_folder(settings(folder, output=folder / "b.json", page=folder / "pages" / "b.html"))
+    assert other.page is not None and other.page.read_bytes() == found.page.read_bytes()
+    assert other.path.read_bytes() == found.path.read_bytes()
+    assert str(folder) not in page and "http" not in page and "<script" not in page
+    assert page.count("<svg") == 1 and "order 6 from 50 block rows" in page
+    assert all(choice.reason.replace(">", "&gt;") in page for choice in found.choices)
+
+
+def test_the_figure_shows_a_panel_per_model_and_the_reduction(found: Identified, folder: Path) -> None:
+    reduced = settings(folder, n4sid={"subspace": {"high_order": 12}}, output=folder / "reduced.json")
+    other = identify_from_folder(reduced)
+    assert other.page is not None and found.page is not None
+    panels = [
+        len(set(re.findall(r'id="singular-values-local-(axes_\d+)"', page.read_text(encoding="utf-8"))))
+        for page in (found.page, other.page)
+    ]
+    assert panels == [4, 8]
+    assert "Hankel singular values" in other.page.read_text(encoding="utf-8")
+
+
+def test_no_page_where_none_is_wanted_and_no_parameter_set_where_it_cannot_be(
+    blow: WholePath, tmp_path: Path
+) -> None:
+    write_data(blow, tmp_path, whole_range=False)
+    assert identify_from_folder(settings(tmp_path, page=False)).page is None
+    assert not list(tmp_path.glob("*.html"))
+    (tmp_path / "mine.json").unlink()
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    with pytest.raises(OutputError, match=r"file.page\.html: cannot be written"):
+        identify_from_folder(settings(tmp_path, page=tmp_path / "file" / "page.html"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "file"]
+    with pytest.raises(SettingsError, match="cannot both be"):
+        settings(tmp_path, page=tmp_path / "mine.json")
+
+
+def constant(data: DataSet) -> DataSet:
+    values = data.values.copy()
+    values[:, data.names.index("M_pa")] = 1310.9
+    return replace(data, values=values)
+
+
+def slow(data: DataSet) -> DataSet:
+    """A sine instead of noise: it excites two samples in a row."""
+    values = data.values.copy()
+    values[:, data.names.index("M_pa")] = 1310.9 + 50.0 * np.sin(2.0 * np.pi * data.time)
+    return replace(data, values=values)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda data: None, IdentificationError, "centre eta = 1.25: has no experiment"),
+        (lambda data: data.rows(0, 12), IdentificationError, "has 12 rows"),
+        (constant, IdentificationError, "eta = 1.25, signal 'M_pa': is constant"),
+        (slow, IdentificationError, r"eta = 1.25, inputs: do not excite .* eq\. 3\.71"),
+        (lambda data: data.select(("eta", "M_pa", "xi", "zeta", "zeta_dot")), DataError, "xi_dot"),
+    ],
+)
+def test_data_that_do_not_do_are_refused_with_the_reason(
+    blow: WholePath, tmp_path: Path, change: Any, error: type[LlmnError], message: str
+) -> None:
+    write_data(blow, tmp_path, op45_train=change)
+    with pytest.raises(error, match=message):
+        identify_from_folder(settings(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
+
+
+def test_noise_and_one_local_model_go_the_same_way(blow: WholePath, tmp_path: Path) -> None:
+    noise = {"xi": 1e-5, "zeta": 1e-5, "xi_dot": 1e-3, "zeta_dot": 1e-3}
+    write_data(blow, tmp_path, op65_train=lambda data: with_measurement_noise(data, noise, 3))
+    point = {"eta": 1.75, "M_pa": 1310.9}
+    only = {"centres": [1.75], "low": 1.5, "high": 2.0, "operating_point": point}
+    with pytest.raises(IdentificationError, match="nearest centre"):
+        identify_from_folder(settings(tmp_path, n4sid=only))
+    index = json.loads((tmp_path / "data" / "data.json").read_text(encoding="utf-8"))
+    index["experiments"] = [one for one in index["experiments"] if one["name"] in ("op65_train", "wr_train")]
+    (tmp_path / "data" / "data.json").write_text(json.dumps(index), encoding="utf-8")
+    result = identify_from_folder(settings(tmp_path, n4sid=only))
+    assert result.parameter_set.state_count == 6
+    reasons = {choice.name: choice.reason for choice in result.choices}
+    assert "nothing to blend" in reasons["network.warp"]
+    assert "1 local model of order 6" in result.text()

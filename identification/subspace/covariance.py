@@ -40,7 +40,8 @@ class LaggedSums:
         The mean of the windows is taken off (which projects constants out), not that of the whole record.
 
         Args:
-            depth: Samples per window, at most `deepest` and the samples of the shortest experiment.
+            depth: Samples per window, at most `deepest` and the samples of the longest experiment; shorter
+                experiments hold none.
 
         Returns:
             The covariance, shape (depth * K, depth * K), symmetric; index = lag * K + channel.
@@ -51,6 +52,8 @@ class LaggedSums:
         windows = 0
         for signals, sums in zip(self.experiments, self._sums, strict=True):
             count = signals.shape[1] - depth + 1
+            if count < 1:
+                continue
             total += _blocks(signals, sums, depth)
             ends = np.cumsum(signals[:, count:], axis=1)
             starts = np.cumsum(signals[:, : depth - 1], axis=1)
@@ -141,6 +144,8 @@ def factor_by_qr(experiments: Sequence[Array], depth: int, order: Array, floors:
     windows = 0
     for signals in experiments:
         count = signals.shape[1] - depth + 1
+        if count < 1:
+            continue
         view = np.lib.stride_tricks.sliding_window_view(signals, depth, axis=1)
         for first in range(0, count, _CHUNK):
             chunk = view[:, first : first + _CHUNK].transpose(1, 2, 0).reshape(-1, depth * signals.shape[0])

@@ -58,9 +58,13 @@ class ScaledData:
 
     @property
     def most_block_rows(self) -> int:
-        """Longest windows s of which every experiment holds enough."""
-        shortest: int = min(one.shape[1] for one in self.inputs)
-        return shortest // (2 * (sum(self.shape) + 1))
+        """Longest windows s of which the longest experiment holds enough."""
+        longest: int = max(one.shape[1] for one in self.inputs)
+        return longest // (2 * (sum(self.shape) + 1))
+
+    def windows(self, depth: int) -> int:
+        """Return how many windows of `depth` samples lie inside one experiment."""
+        return sum(max(one.shape[1] - depth + 1, 0) for one in self.inputs)
 
 
 def prepared(
@@ -118,10 +122,13 @@ def _unusable(
     order: int | Literal["auto"] = settings.identified_order
     least = 2 if order == "auto" else least_block_rows(order, p)
     block_rows = least if settings.block_rows == "auto" else settings.block_rows
-    needed = 2 * block_rows * (channels + 1)
+    # a short experiment beside a long one adds no long windows, but to B and D
+    longest = max(experiments, key=len)
     for data in experiments:
+        rows = block_rows if data is longest else min(least, block_rows)
+        needed = 2 * rows * (channels + 1)
         if len(data) < needed:
-            what = f"has {len(data)} rows, {needed} are needed for {block_rows} block rows"
+            what = f"has {len(data)} rows, {needed} are needed for {rows} block rows"
             found.append(Problem(f"data set {data.name!r}", what, "Record longer, or lower block_rows"))
     limit = (block_rows - 1) * p
     if order != "auto" and order > limit:

@@ -142,7 +142,7 @@ def project(data: ScaledData, sums: LaggedSums, block_rows: int, settings: Subsp
     weighted, row_weight = _weighted(lower, ends, instrument, weighting)
     shown = min(block_rows * p, max(_LEAST_SHOWN, 2 * _known(settings) + 4))
     squares, vectors = _strongest(weighted, shown)
-    samples = data.rows - (depth - 1) * len(data.inputs) - future_inputs.size
+    samples = data.windows(depth) - future_inputs.size
     strengths, edge, least = (
         _correlation_strengths(squares, past.size, block_rows * p, samples)
         if weighting == "cva"

@@ -188,3 +188,21 @@ def test_settings_that_do_not_fit_together_are_told_at_once() -> None:
         ValidationError, match=r"order must be 1 \.\. 200; block_rows must be at least 2; wei"
     ):
         SubspaceSettings(order=0, block_rows=1, method="MOESP", weighting="cva")
+
+
+@pytest.mark.parametrize("factorisation", ["covariance", "qr"])
+def test_a_short_experiment_does_not_shorten_the_windows_of_a_long_one(factorisation: str) -> None:
+    """It is too short for windows of its own; B is fitted to it all the same."""
+    chosen = SubspaceSettings(factorisation=factorisation)
+    noisy = []
+    for seed, rows in ((1, 6000), (2, 60)):
+        data = asymmetric_data(seed, rows)
+        size = dict(zip(data.names, data.values.std(axis=0), strict=True))
+        noise = {name: 0.05 * size[name] for name in ("angle", "speed")}
+        noisy.append(with_measurement_noise(data, noise, seed))
+    alone = estimate(noisy[:1], *NAMES, chosen)
+    for together in (estimate(noisy, *NAMES, chosen), estimate(noisy[::-1], *NAMES, chosen)):
+        assert together.order == alone.order == 5
+        assert together.diagnostics["block_rows"] == alone.diagnostics["block_rows"]
+        assert together.diagnostics["rows"] == 6060
+        assert together.diagnostics["simulation_error"] < 1.1 * alone.diagnostics["simulation_error"]

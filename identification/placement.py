@@ -64,7 +64,7 @@ def placed(
     if where.ndim != 1 or where.size < 2 or change.shape != (where.size - 1,):
         what = f"{where.size} positions and {change.size} distances"
         found.append(Problem("placement", what, "Give at least two positions, and one distance less"))
-    elif np.any(np.diff(where) <= 0.0) or where[0] < limits[0] or where[-1] > limits[1]:
+    elif not (np.all(np.diff(where) > 0.0) and limits[0] <= where[0] and where[-1] <= limits[1]):
         found.append(Problem("placement", "positions do not ascend within the limits", "Sort and cut them"))
     elif not (np.all(np.isfinite(change)) and change.min() >= 0.0 and change.sum() > 0.0):
         found.append(Problem("placement", "distances are not finite, positive numbers", "Check the models"))

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from scipy.interpolate import CubicSpline, lagrange
 
 from fmu_builder import parameter_set
 from fmu_builder.errors import DataError, IdentificationError, Problem
 from identification.arrays import Array, read_only
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
-from identification.validity import hat_weights
+from identification.validity import cubic_weights, hat_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +105,8 @@ def from_local_models(
     positions = np.linspace(*limits, count)
     if len(models) == 1:
         values = rest[0] + np.outer(positions - centres[0], models[0].dc_gain[:, index])
-    elif len(models) < 4:
-        columns = [lagrange(np.asarray(centres), column)(positions) for column in np.array(rest).T]
-        values = np.column_stack(columns)
     else:
-        values = CubicSpline(centres, rest, bc_type="not-a-knot")(positions)
+        values = cubic_weights(positions, centres) @ np.array(rest)
     return StaticMap(positions, values, models[0].outputs)
 
 

@@ -50,15 +50,17 @@ def balanced_reduction(A: Array, B: Array, C: Array, D: Array, order: int, metho
         method: "truncation" or "residualisation".
 
     Raises:
-        IdentificationError: The order is not below n, or beyond what inputs reach and outputs show.
+        IdentificationError: The order is not 1 .. n - 1, or beyond what inputs reach and outputs show.
     """
     root_x = _root(scipy.linalg.solve_discrete_lyapunov(A, B @ B.T))
     root_y = _root(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
     U, sigma, Vt = scipy.linalg.svd(root_y.T @ root_x)
     kept = int(np.sum(sigma > _REACHABLE * sigma[0]))
-    if order > min(kept, len(A) - 1):
+    most = min(kept, len(A) - 1)
+    if not 1 <= order <= most:
         what = f"is {order}; of the {len(A)} states to reduce {kept} are reachable and observable"
-        raise IdentificationError.of("reduced order", what, f"Lower it below {min(kept + 1, len(A))}")
+        mend = f"Give 1 .. {most}" if most else "Give a model whose inputs move its outputs"
+        raise IdentificationError.of("reduced order", what, mend)
     # residualisation needs the whole balanced model, as far as it is there in double precision
     size = order if method == "truncation" else kept
     scale = 1.0 / np.sqrt(sigma[:size])

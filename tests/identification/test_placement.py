@@ -62,6 +62,7 @@ def test_what_cannot_be_placed_is_refused() -> None:
         (GRID, np.ones(5), 4, 0.5),
         (GRID[::-1], np.ones(20), 4, 0.5),
         (GRID + 1.0, np.ones(20), 4, 0.5),
+        (np.where(np.arange(21) == 5, np.nan, GRID), np.ones(20), 4, 0.5),
         (GRID, np.zeros(20), 4, 0.5),
         (GRID, np.full(20, np.nan), 4, 0.5),
         (GRID, np.ones(20), 0, 0.5),

@@ -143,8 +143,9 @@ def test_an_unstable_model_is_not_reduced() -> None:
     model = random_model(2, 5)
     with pytest.raises(IdentificationError, match="unstable"):
         reduced(replace(model, A=1.3 * model.A / model.spectral_radius), 3)
-    with pytest.raises(IdentificationError, match="Lower it below 5"):
-        balanced_reduction(model.A, model.B, model.C, model.D, 5, "truncation")
+    for order in (5, 0, -1):
+        with pytest.raises(IdentificationError, match=r"Give 1 \.\. 4"):
+            balanced_reduction(model.A, model.B, model.C, model.D, order, "truncation")
 
 
 def test_high_order_then_reduced_finds_the_plant() -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -178,6 +179,19 @@ def test_static_map_of_local_models_runs_through_their_rest_points(count: int) -
         np.tile(curve(x)[:, None], (1, 4)) if count > 1 else curve(1.5) + np.outer(x - 1.5, slopes[:, 0])
     )
     assert np.allclose(found.at(x), expected, atol=1e-9)
+
+
+def test_static_map_of_local_models_does_not_depend_on_the_origin_of_the_height() -> None:
+    maps = []
+    for origin in (0.0, 65536.0):
+        models = [
+            replace(model, input_operating_point=np.array([origin + centre, 1310.9]))
+            for centre, model in zip((0.75, 1.5, 2.25), map(three_mass, (0.8, 1.0, 1.2)), strict=True)
+        ]
+        centres = [float(model.input_operating_point[0]) for model in models]
+        limits = (origin + 0.5, origin + 2.5)
+        maps.append(static_map.from_local_models(models, centres, {"M_pa": 1310.9}, "eta", limits).values)
+    assert np.allclose(*maps, rtol=1e-12, atol=1e-12)
 
 
 def test_static_map_by_regression_and_its_refusal() -> None:

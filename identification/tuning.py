@@ -16,6 +16,7 @@ from identification.data_set import DataSet
 from identification.n4sid import LocalModels, network
 from identification.network import NetworkSettings
 from identification.objective import Candidate, Objective, transformed
+from identification.subspace import balancing_transform
 from identification.surrogate.least_squares import Minimum, NormalEquations, minimise
 
 _STEP = 1e-4
@@ -103,6 +104,8 @@ def tuned_network(
         return TunedNetwork(network(name, local, fixed, derived_outputs, **rest), choices, fixed, local)
     if not settings.open_choices:
         return TunedNetwork(network(name, local, settings, derived_outputs, **rest), (), settings, local)
+    if "coordinates" in settings.open_choices:
+        local = _in_balanced_coordinates(local)
     found = []
     for blending in ("parameter", "output") if settings.blending == "best" else (settings.blending,):
         without = {"deviation_gain": 0.0} if blending == "output" else {}
@@ -117,6 +120,17 @@ def tuned_network(
     final = _in_tuned_coordinates(local, best)
     parameter_set = network(name, final, best.settings, derived_outputs, **rest)
     return TunedNetwork(parameter_set, choices, best.settings, final)
+
+
+def _in_balanced_coordinates(local: LocalModels) -> LocalModels:
+    """Return the models in the balanced coordinates of the middle one, whatever they were.
+
+    Their network is the same, but not the steps and bounds of a search over the motion of its coordinates.
+    """
+    transform = balancing_transform(local.models[len(local.models) // 2], local.output_scale)
+    if transform is None:
+        return local
+    return replace(local, models=tuple(model.transformed(transform) for model in local.models))
 
 
 def _in_tuned_coordinates(local: LocalModels, tuned: _Tuned) -> LocalModels:

@@ -53,6 +53,7 @@ SPECTRUM_POWER = 0.01  # relative: Hann windows over a sine that ends between tw
 CUBIC_WEIGHTS = 1e-9  # of the largest weight: a spline through centres as near as 0.1 of the range
 NODE_WEIGHTS = 0.015  # straight lines between 81 nodes: h^2 / 8 times the curvature of a warped cubic
 TUNED_NUMBER = 1e-4  # relative: the search ends when the cost, a square, no longer falls
+SAME_SEARCH = 1e-5  # of the std of an output: rounding over the step of a difference, 1e-4, and some steps
 FACTORISATION = 1e-8  # relative: QR against Cholesky of the covariance, whose condition number is squared
 DEVIATION_SCHEDULE = 1e-10  # of the largest output: rounding feeds back through the schedule for 120 ticks
 HANKEL = 1e-7  # of the largest: Gramians in double precision know Hankel singular values to the root of that

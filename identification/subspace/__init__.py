@@ -2,7 +2,7 @@
 
 from identification.subspace.alignment import aligned
 from identification.subspace.estimator import estimate
-from identification.subspace.reduction import reduced
+from identification.subspace.reduction import balancing_transform, reduced
 from identification.subspace.settings import METHODS, SubspaceSettings
 
-__all__ = ["METHODS", "SubspaceSettings", "aligned", "estimate", "reduced"]
+__all__ = ["METHODS", "SubspaceSettings", "aligned", "balancing_transform", "estimate", "reduced"]

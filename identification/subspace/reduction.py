@@ -52,8 +52,7 @@ def balanced_reduction(A: Array, B: Array, C: Array, D: Array, order: int, metho
     Raises:
         IdentificationError: The order is not 1 .. n - 1, or beyond what inputs reach and outputs show.
     """
-    root_x = _root(scipy.linalg.solve_discrete_lyapunov(A, B @ B.T))
-    root_y = _root(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
+    root_x, root_y = _gramian_roots(A, B, C)
     U, sigma, Vt = scipy.linalg.svd(root_y.T @ root_x)
     kept = int(np.sum(sigma > _REACHABLE * sigma[0]))
     most = min(kept, len(A) - 1)
@@ -118,6 +117,42 @@ def reduced(
         D=found.D * outputs / inputs,
         diagnostics={**model.diagnostics, "hankel_singular_values": values},
     )
+
+
+def balancing_transform(model: LocalModel, output_scale: Array | None = None) -> Array | None:
+    """Return T that takes a model to its balanced coordinates T x, whatever coordinates it has now.
+
+    They are unique up to signs where the Hankel singular values differ; signs are such that the output that
+    shows a state most shows it positive. Inputs count in the sizes the estimator saw, else 1.
+
+    Args:
+        model: Local model.
+        output_scale: Size of each output, shape (p,); default that in the diagnostics, else 1.
+
+    Returns:
+        T, shape (n, n); None where the model is unstable or has states that inputs do not reach or outputs
+        do not show.
+    """
+    if not model.spectral_radius < 1.0:
+        return None
+    inputs = _scale(None, model.diagnostics.get("input_scale"), len(model.inputs))
+    outputs = _scale(output_scale, model.diagnostics.get("output_scale"), len(model.outputs))[:, None]
+    root_x, root_y = _gramian_roots(model.A, model.B * inputs, model.C / outputs)
+    U, sigma, _ = scipy.linalg.svd(root_y.T @ root_x)
+    if not sigma[-1] > _REACHABLE * sigma[0]:
+        return None
+    transform = (root_y @ U / np.sqrt(sigma)).T
+    seen = (model.C / outputs) @ np.linalg.inv(transform)
+    most = seen[np.argmax(np.abs(seen), axis=0), np.arange(model.order)]
+    return np.asarray(np.where(most < 0.0, -1.0, 1.0)[:, None] * transform)
+
+
+def _gramian_roots(A: Array, B: Array, C: Array) -> tuple[Array, Array]:
+    """Return S and R with S S' and R R' the controllability and observability Gramians."""
+    # the other method, SciPy's choice below ten states, suffers from states of different sizes
+    reached = scipy.linalg.solve_discrete_lyapunov(A, B @ B.T, method="bilinear")
+    shown = scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C, method="bilinear")
+    return _root(reached), _root(shown)
 
 
 def _scale(given: Array | None, known: list[float] | None, size: int) -> Array:

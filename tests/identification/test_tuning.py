@@ -18,7 +18,7 @@ from identification.n4sid import LocalModels, network
 from identification.network import NetworkSettings
 from identification.objective import Candidate, Objective, transformed
 from identification.tuning import TuningSettings, tuned_network
-from tolerances import BITS, SAME_NETWORK, TUNED_NUMBER
+from tolerances import BITS, SAME_NETWORK, SAME_SEARCH, TUNED_NUMBER
 
 SCALES = (0.8, 1.0, 1.15, 1.5)
 LOCAL = local_models(SCALES)
@@ -77,6 +77,22 @@ def test_coordinates_that_move_with_the_height_are_found() -> None:
     for one, other in zip(found.local.models, local.models, strict=True):  # the models are the same
         expected = other.frequency_response(frequencies)
         assert np.abs(one.frequency_response(frequencies) - expected).max() < 1e-9
+
+
+@pytest.mark.parametrize("coordinates", ["aligned", "tuned"])
+def test_state_coordinates_of_the_local_models_do_not_matter(coordinates: str) -> None:
+    other = local_models((1.1, 0.9, 1.4, 1.2))
+    data = recorded(network("other", other, settings_of(validity="hat")), 3, 2.0)
+    settings = settings_of(validity="cubic_warp", coordinates=coordinates)
+    common = np.diag([5.0, 0.3, 1.0, 2.0, 0.1, 7.0]) @ random_stream(5).standard_normal((6, 6))
+    mixed = local_models(SCALES, transforms=[common] * 4)
+    tuning = TuningSettings(iterations=3)
+    outputs = []
+    for local in (LOCAL, mixed):
+        found = tuned_network("net", local, [data], settings, tuning=tuning).parameter_set
+        outputs.append(simulate(found, data.matrix(INPUTS)))
+    difference = (outputs[1] - outputs[0]) / outputs[0].std(axis=0)
+    assert np.abs(difference).max() < SAME_SEARCH
 
 
 @pytest.mark.parametrize("seed", range(3))

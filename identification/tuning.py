@@ -208,11 +208,14 @@ def _tuned(
     First the few numbers of the validity functions, then, where they are open, all with the coordinates.
     """
     coordinates = _Coordinates(settings, example)
-    before = objective.cost(Candidate(example.partition))
-    x, after, steps = np.zeros(coordinates.few), before, 0
+    x, steps, costs = np.zeros(coordinates.few), 0, []
     for size in sorted({coordinates.few, coordinates.size} - {0}):
         found = _searched(coordinates, objective, np.append(x, np.zeros(size - x.size)), tuning)
-        x, after, steps = found.x, found.cost, steps + len(found.history) - 1
+        x, steps = found.x, steps + len(found.history) - 1
+        costs += [found.history[0].cost, found.cost]
+    if not costs:
+        costs = [objective.cost(Candidate(example.partition))]
+    before, after = costs[0], costs[-1]
     point = coordinates.at(x)
     fixed, candidate = point if point is not None else (coordinates.settings, Candidate(example.partition))
     percent = objective.percent(after)
@@ -235,10 +238,15 @@ def _searched(
     coordinates: _Coordinates, objective: Objective, start: Array, tuning: TuningSettings
 ) -> Minimum:
     """Return the minimum found from a start."""
+    latest: dict[bytes, Array | None] = {}
 
     def residuals(x: Array) -> Array | None:
-        point = coordinates.at(x)
-        return None if point is None else objective.residuals(point[1])
+        key = x.tobytes()
+        if key not in latest:  # the point of a step is asked for twice: for its cost, then for its gradient
+            point = coordinates.at(x)
+            latest.clear()
+            latest[key] = None if point is None else objective.residuals(point[1])
+        return latest[key]
 
     def cost(x: Array) -> float:
         errors = residuals(x)

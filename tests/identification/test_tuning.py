@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from fmu_builder.errors import DataError, IdentificationError
 from fmu_builder.kernel import simulate
+from identification.arrays import Array
 from identification.data_set import DataSet
 from identification.excitation import random_stream, with_measurement_noise
 from identification.n4sid import LocalModels, network
@@ -113,6 +114,20 @@ def test_tuning_never_ends_above_its_start(seed: int, changes: dict[str, Any]) -
     start = Objective(example, [data]).cost(Candidate(example.partition))
     end = Objective(found.parameter_set, [data]).cost(Candidate(found.parameter_set.partition))
     assert end <= start * (1.0 + 1e-9)
+
+
+def test_no_candidate_is_simulated_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Any] = []
+    simulated = Objective.residuals
+
+    def counted(self: Objective, candidate: Candidate) -> Array | None:
+        seen.append((self, candidate.partition.warp))
+        return simulated(self, candidate)
+
+    monkeypatch.setattr(Objective, "residuals", counted)
+    data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3, 2.0)
+    tuned_network("net", LOCAL, [data], settings_of(blending="best"), tuning=FINE)
+    assert len(seen) > 10 and len(set(seen)) == len(seen)
 
 
 def test_only_the_training_data_that_are_passed_count() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -31,6 +31,10 @@ class OrderSettings(StudySettings):
 
     orders: tuple[int, ...] = (6, 8, 10, 12, 14, 17, 20, 25, 30, 40, 50)
     reduced_to: int = 6
+    stabilisation: Literal["none", "reflect"] = Field(
+        "reflect",
+        description="of unstable poles at full order; noise-free data leave poles without a meaning",
+    )
     least_block_rows: int = Field(50, ge=2, description="of the estimator; higher orders take more")
     noises: tuple[Noise, ...] = ("none",)
     duration: float = Field(42.0, gt=0)
@@ -85,7 +89,7 @@ def run_task(task: OrderTask) -> list[dict[str, Any]]:
 def _models(training: DataSet, order: int, settings: OrderSettings) -> dict[str, LocalModel | None]:
     """Return the model of this order and its reduction; None where the data do not give one."""
     block_rows = max(settings.least_block_rows, order + 10)
-    whole = SubspaceSettings(order=order, block_rows=block_rows)
+    whole = SubspaceSettings(order=order, block_rows=block_rows, stabilisation=settings.stabilisation)
     if order <= settings.reduced_to:
         return dict.fromkeys((FULL, REDUCED), _estimated(training, whole))
     less = SubspaceSettings(order=settings.reduced_to, high_order=order, block_rows=block_rows)

@@ -84,6 +84,8 @@ def number(fit: float) -> str:
     """Return a FIT as text."""
     if math.isnan(fit):
         return "none"
+    if math.isinf(fit):
+        return "ran away"
     if fit <= -1000.0:
         return "< \N{MINUS SIGN}1000"
     return f"{fit:.2f}".replace("-", "\N{MINUS SIGN}")

@@ -24,6 +24,12 @@ Shown = Mapping[tuple[Any, ...], Mapping[str, Sequence[float | None]]]
 _OWN = """One local model at its own operating point, scored on fresh data of that point: what the estimator
 reaches before anything is blended. The yardstick is the white-box model's exact linearisation there."""
 
+_FULL_ORDER = {
+    "reflect": "Without noise nothing determines the surplus poles of a full-order model: those outside the "
+    "unit circle are reflected into it.",
+    "none": "Full-order models with poles outside the unit circle run away.",
+}
+
 
 def statistics(fits: Sequence[float | None]) -> Cell:
     """Return median and worst of some FIT values; None counts as minus infinity."""
@@ -43,7 +49,8 @@ def order_sections(settings: order.OrderSettings, records: list[dict[str, Any]])
                 for route in (order.FULL, order.REDUCED):
                     shown = order.table(records, wbm, signal, route, noise)
                     what = "full order" if route == order.FULL else f"reduced to {settings.reduced_to} states"
-                    caption = f"FIT of {signal} [%], {what}{_with_noise(noise)}. Median over the seeds."
+                    over = "Median over the seeds." if len(settings.seeds) > 1 else "One seed."
+                    caption = f"FIT of {signal} [%], {what}{_with_noise(noise)}. {over}"
                     rows = [
                         Row(name, [(value, None) for value in cells])
                         for name, cells in zip(shown["data_sets"], shown["cells"], strict=True)
@@ -52,7 +59,8 @@ def order_sections(settings: order.OrderSettings, records: list[dict[str, Any]])
                     found.append(Table(caption, "data set", columns, rows))
         text = (
             "One local model at its own operating point, scored on the other data set of that point. TV: "
-            "identified on the training set and scored on the validation set; VT: the other way round."
+            "identified on the training set and scored on the validation set; VT: the other way round. "
+            + _FULL_ORDER[settings.stabilisation]
         )
         sections.append(Section(f"White-box set {wbm}", text, found))
     return sections
@@ -83,7 +91,7 @@ def by_configuration(records: Records) -> Shown:
 
 
 def _with_noise(noise: str) -> str:
-    return "" if noise == "none" else f", noise of {noise} on training data"
+    return "" if noise == "none" else f", noise of {noise}"
 
 
 def _members(
@@ -107,12 +115,30 @@ def _members(
 
 
 def _networks(settings: BlendingSettings, wanted: TableSettings, wbm: str, shown: Shown) -> Table:
+    if wanted.figure == "over_llms":
+        return _over_llms(settings, wanted, wbm, shown)
+    numbers = wanted.llms or ()
+    one_number = len(numbers) == 1
     rows = []
     for one, count, noise in _members(settings, wanted, wbm):
-        name = f"{one.name}, {count} LLM{_with_noise(noise)}"
+        name = one.name + ("" if one_number else f", {count} LLM") + _with_noise(noise)
         signals = shown.get((wbm, one.name, count, noise, "wr_test"), {})
         rows.append(_row(name, signals, one))
-    return Table(_caption(wbm, len(settings.seeds)), "configuration", SIGNALS, rows)
+    caption = _caption(wbm, len(settings.seeds)) + (f" {numbers[0]} LLM." if one_number else "")
+    return Table(caption, "configuration", SIGNALS, rows)
+
+
+def _over_llms(settings: BlendingSettings, wanted: TableSettings, wbm: str, shown: Shown) -> Table:
+    """Return FIT of the contact force only: a row per configuration, a column per number of models."""
+    members = list(_members(settings, wanted, wbm))
+    counts = sorted({count for _, count, _ in members})
+    rows = []
+    for name, noise in dict.fromkeys((one.name, noise) for one, _, noise in members):
+        found = [shown.get((wbm, name, count, noise, "wr_test"), {}).get("F_p", []) for count in counts]
+        yardstick = any(one.models == "linearisation" for one, _, _ in members if one.name == name)
+        rows.append(Row(name + _with_noise(noise), [statistics(fits) for fits in found], yardstick))
+    caption = _caption(wbm, len(settings.seeds), "FIT of the contact force F_p")
+    return Table(caption, "configuration", [f"{count} LLM" for count in counts], rows)
 
 
 def _own(settings: BlendingSettings, wbm: str, shown: Shown) -> Table:
@@ -127,9 +153,9 @@ def _own(settings: BlendingSettings, wbm: str, shown: Shown) -> Table:
     return Table(_caption(wbm, len(settings.seeds)), "local model", SIGNALS, rows)
 
 
-def _caption(wbm: str, seeds: int) -> str:
+def _caption(wbm: str, seeds: int, what: str = "FIT") -> str:
     over = ": median over the seeds, below it the worst" if seeds > 1 else ", one seed"
-    return f"White-box set {wbm}. FIT on test data [%]{over}."
+    return f"White-box set {wbm}. {what} on test data [%]{over}."
 
 
 def _row(

@@ -27,15 +27,49 @@ processes = {processes}
 [[configurations]]
 name = "hat"
 network = {{ validity = "hat", blending = "parameter" }}
-noises = ["none", "1e-5 m, 1e-3 m/s"]
+noises = ["1e-4 m, 1e-2 m/s", "1e-5 m, 1e-3 m/s", "none"]
+tables = ["network"]
 
 [[configurations]]
 name = "thesis"
 network = {{ validity = "gaussian", blending = "output", offsets = "low_pass" }}
+tables = ["network"]
+
+[[configurations]]
+name = "placed"
+placement = "placed"
+network = {{ validity = "hat" }}
+llms = [3]
+tables = ["numbers"]
+
+[[configurations]]
+name = "exact"
+models = "linearisation"
+network = {{ validity = "hat" }}
+llms = [2, 4]
+tables = ["network", "numbers"]
+
+[[tables]]
+name = "network"
+title = "Networks side by side"
+text = "Seen here & there."
+llms = [4]
+every_noise = true
+figure = "seeds"
+
+[[tables]]
+name = "numbers"
+title = "More and fewer"
+text = ""
+figure = "over_llms"
 
 [[own_operating_point]]
 route = "own"
 subspace = {{ order = 6, block_rows = 30 }}
+
+[[own_operating_point]]
+route = "own, exact"
+models = "linearisation"
 
 [[limits]]
 label = "reachable"
@@ -45,8 +79,10 @@ median = 50.0
 [[limits]]
 label = "out of reach"
 where = {{ wbm = "Blow", route = "hat", noise = "none", signal = "F_p" }}
+yardstick = {{ wbm = "Blow", route = "exact", llms = 4, signal = "F_p" }}
 worst = 100.0
 """
+HARMLESS = {"title": "x", "configurations": [{"name": "one", "network": {}}]}
 
 
 def record(**changes: Any) -> dict[str, Any]:
@@ -75,6 +111,22 @@ def test_validation_data_and_other_models_do_not_count() -> None:
         record(seed=3, fit=9.0, wbm="B"),
     ]
     assert judge(Limit(label="x", where={"wbm": "A"}), records).seeds == 1
+
+
+def test_several_numbers_are_alternatives() -> None:
+    records = [record(seed=1, fit=fit, llms=llms) for llms, fit in ((4, 90.0), (6, 95.0), (8, 99.0))]
+    assert judge(Limit(label="x", where={"llms": (4, 6)}), records).median == 95.0
+
+
+def test_the_yardstick_is_told_where_a_limit_fails() -> None:
+    records = [record(seed=seed, fit=90.0 + seed, model="n4sid") for seed in (1, 2, 3)]
+    records += [record(seed=seed, fit=95.0 + seed, model="linearisation") for seed in (1, 2, 3)]
+    where, yardstick = {"model": "n4sid"}, {"model": "linearisation"}
+    failed = judge(Limit(label="x", where=where, yardstick=yardstick, median=93.0), records)
+    assert failed.yardstick == 97.0 and "exact linearisations 97.000" in failed.line()
+    passed = judge(Limit(label="x", where=where, yardstick=yardstick, median=92.0), records)
+    assert passed.yardstick == 97.0 and "97" not in passed.line()
+    assert judge(Limit(label="x", where=where, median=93.0), records).yardstick is None
 
 
 def test_differences_are_taken_seed_by_seed() -> None:
@@ -116,6 +168,25 @@ def test_the_settings_that_come_with_a_study_are_valid_and_their_limits_can_be_m
     for limit in settings.limits:
         assert {limit.where["route"]} <= known
         assert not limit.less or limit.less["route"] in known
+        assert not limit.yardstick or limit.yardstick["route"] in known
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"configurations": [{"name": "one", "network": {}}, {"name": "one", "network": {}}]},
+            "twice: one, A",
+        ),
+        ({"configurations": [{"name": "one", "network": {}, "tables": ["no such"]}]}, "no table no such"),
+        ({"tables": [{"name": "t", "title": "T", "text": ""}]}, "'one': stands in no table"),
+        ({"configurations": [{"name": "one", "network": {}, "noises": ["loud"]}]}, "noises"),
+    ],
+)
+def test_settings_that_contradict_themselves_are_refused(changes: dict[str, Any], said: str) -> None:
+    parse_settings(KNOWN["blending"].settings, HARMLESS, "test")
+    with pytest.raises(SettingsError, match=said):
+        parse_settings(KNOWN["blending"].settings, HARMLESS | changes, "test")
 
 
 def test_an_unknown_study_is_answered_with_the_known_ones(tmp_path: Path) -> None:
@@ -143,8 +214,40 @@ def test_processes_change_nothing(small: dict[int, Path]) -> None:
     assert all(tuple(item) == FIELDS for item in one)
 
 
+def test_the_yardstick_knows_the_model_and_is_never_recommended(small: dict[int, Path]) -> None:
+    scores = json.loads((small[2] / "scores.json").read_text(encoding="utf-8"))
+    assert {item["recommended"] for item in scores if item["model"] == "linearisation"} == {False}
+    assert {item["recommended"] for item in scores if item["model"] == "n4sid"} == {True, False}
+    fits = {
+        (item["route"], item["data_set"], item["seed"]): item["fit"]
+        for item in scores
+        if item["signal"] == "F_p" and item["split"] == "test" and item["noise"] == "none"
+    }
+    assert all(fits["own, exact", f"OP{point}", seed] > 99.0 for point in (25, 45, 65, 85) for seed in (3, 4))
+
+
 def test_the_page_shows_limits_and_every_configuration(small: dict[int, Path]) -> None:
     page = (small[2] / "report.html").read_text(encoding="utf-8")
-    for word in ("reachable", "out of reach", ">pass<", ">FAIL<", "hat, 4 LLM", "thesis, 4 LLM", "own, OP45"):
-        assert word in page
-    assert "<script" not in page
+    words = [
+        "reachable",
+        "out of reach",
+        ">pass<",
+        ">FAIL<",
+        ">hat<",
+        ">thesis<",
+        "4 LLM.",
+        "own, OP45",
+        "2 seeds",
+    ]
+    for word in (
+        *words,
+        "Seen here &amp; there.",
+        '<tr class="yardstick"><th>exact<',
+        "<th>3 LLM<",
+        ">placed<",
+    ):
+        assert word in page, word
+    assert page.count("<svg") == 2
+    quiet, loud = page.index("<th>hat, noise of 1e-5 m"), page.index("<th>hat, noise of 1e-4 m")
+    assert page.index("<th>hat<") < quiet < loud
+    assert "<script" not in page and "http://" not in page.replace("http://www.w3.org", "")

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from cosimulation.progress import SILENT, Reporter
+from cosimulation.threads import one_thread_each
 from fmu_builder.errors import LlmnError, SettingsError
 
 app = typer.Typer(
@@ -203,6 +204,7 @@ def study(
 
 def main() -> None:
     """Run the command; every error a user can mend is one message and exit status 1."""
+    one_thread_each()  # before the commands load numpy
     try:
         app()
     except LlmnError as error:

@@ -81,8 +81,8 @@ class NetworkSettings(BaseModel):
 RECOMMENDED = NetworkSettings()
 """Aligned matrices blended by hats that go on to the ends of the range, about the scheduled equilibrium."""
 
-AUTOMATIC = NetworkSettings(validity="cubic_warp", blending="best")
-"""Everything that whole-range training data can decide without new numbers to explain is left to them."""
+AUTOMATIC = NetworkSettings(validity="cubic_warp", coordinates="tuned", blending="best")
+"""What whole-range training data can decide is left to them; only the scheduling input schedules."""
 
 THESIS = NetworkSettings(validity="gaussian", blending="output", offsets="low_pass")
 """Gaussians with k_sigma = 1/3, outputs blended, 0.25 Hz low-pass and look-up table (thesis 3.3, 3.5.4)."""

@@ -39,6 +39,9 @@ class TuningSettings(BaseModel):
     )
     iterations: int = Field(default=8, ge=1, description="most steps of a search")
     tolerance: float = Field(default=0.01, gt=0.0, description="relative gain that ends a search")
+    largest_order: int = Field(
+        default=8, ge=0, description="up to which state coordinates are tuned: order^2 numbers"
+    )
 
 
 class TunedNetwork(NamedTuple):
@@ -99,11 +102,13 @@ def tuned_network(
         ParameterSetError: Not a valid parameter set; every problem is named.
     """
     chosen = tuning or TuningSettings()
+    settings, kept = _without_large_searches(settings, local, chosen)
     if not training:
         fixed, choices = _without_data(settings)
-        return TunedNetwork(network(name, local, fixed, derived_outputs, **rest), choices, fixed, local)
+        parameter_set = network(name, local, fixed, derived_outputs, **rest)
+        return TunedNetwork(parameter_set, (*kept, *choices), fixed, local)
     if not settings.open_choices:
-        return TunedNetwork(network(name, local, settings, derived_outputs, **rest), (), settings, local)
+        return TunedNetwork(network(name, local, settings, derived_outputs, **rest), kept, settings, local)
     if "coordinates" in settings.open_choices:
         local = _in_balanced_coordinates(local)
     found = []
@@ -113,7 +118,7 @@ def tuned_network(
         example = network(name, local, _start(trial), derived_outputs)
         found.append(_tuned(trial, example, Objective(example, training, chosen.signals), chosen))
     best = min(found, key=lambda one: one.percent)  # the first wins a tie
-    choices = best.choices
+    choices = (*kept, *best.choices)
     if settings.blending == "best":
         costs = ", ".join(f"{one.settings.blending} {one.percent:.4g} %" for one in found)
         choices = (*choices, Choice("blending", best.settings.blending, f"smaller training error ({costs})"))
@@ -131,6 +136,17 @@ def _in_balanced_coordinates(local: LocalModels) -> LocalModels:
     if transform is None:
         return local
     return replace(local, models=tuple(model.transformed(transform) for model in local.models))
+
+
+def _without_large_searches(
+    settings: NetworkSettings, local: LocalModels, tuning: TuningSettings
+) -> tuple[NetworkSettings, tuple[Choice, ...]]:
+    """Return the settings without the search for state coordinates where it has too many numbers."""
+    order = local.models[0].order
+    if "coordinates" not in settings.open_choices or order <= tuning.largest_order:
+        return settings, ()
+    reason = f"order {order} has {order**2} numbers to tune, tuning.largest_order is {tuning.largest_order}"
+    return settings.model_copy(update={"coordinates": "aligned"}), (Choice("coordinates", "aligned", reason),)
 
 
 def _in_tuned_coordinates(local: LocalModels, tuned: _Tuned) -> LocalModels:

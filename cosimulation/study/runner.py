@@ -16,9 +16,9 @@ from pydantic import Field
 from cosimulation.progress import Reporter
 from cosimulation.settings import Section
 from cosimulation.study.limits import Limit, Verdict
+from cosimulation.threads import one_thread_each
 
 Task = TypeVar("Task")
-THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class StudySettings(Section):
@@ -96,8 +96,7 @@ class Pool(Generic[Task]):
                     results[index] = function(task)
                     advance(1)
             return results
-        for name in THREAD_VARIABLES:
-            os.environ.setdefault(name, "1")
+        one_thread_each()
         context = multiprocessing.get_context("spawn")
         with (
             ProcessPoolExecutor(self.processes, mp_context=context) as pool,

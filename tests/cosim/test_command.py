@@ -247,6 +247,21 @@ def test_the_version_is_printed(tmp_path: Path) -> None:
     assert llmn(tmp_path, "--version").stdout.strip() == metadata.version("pantograph-llmn")
 
 
+def test_the_command_computes_on_one_thread_unless_told_otherwise() -> None:
+    """numpy reads the variables when it is loaded, so nothing may load it before they are set."""
+    script = (
+        "import sys, os, cosimulation.cli as cli\n"
+        "assert 'numpy' not in sys.modules\n"
+        "cli.app = lambda: print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])\n"
+        "cli.main()"
+    )
+    env = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")} | {"OMP_NUM_THREADS": "3"}
+    result = subprocess.run(
+        [sys.executable, "-c", script], env=env | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
+    )
+    assert result.stdout.split() == ["1", "3"], result.stderr
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_full_disk_behind_the_output_is_one_message(tmp_path: Path) -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:

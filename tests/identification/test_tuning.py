@@ -96,6 +96,18 @@ def test_state_coordinates_of_the_local_models_do_not_matter(coordinates: str) -
     assert np.abs(difference).max() < SAME_SEARCH
 
 
+def test_coordinates_of_many_states_are_left_as_they_are_and_the_reason_told() -> None:
+    data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3)
+    asked = settings_of(coordinates="tuned")
+    low = FINE.model_copy(update={"largest_order": 5})
+    found = tuned_network("found", LOCAL, [data], asked, [FORCE], low)
+    without = tuned_network("found", LOCAL, [data], settings_of(), [FORCE], FINE)
+    assert found.parameter_set == without.parameter_set and found.settings.coordinates == "aligned"
+    told, *others = found.choices
+    assert told.name == "coordinates" and "36 numbers" in told.reason and "largest_order" in told.reason
+    assert tuple(others) == without.choices
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     "changes", [{}, {"validity": "gaussian", "k_sigma": "tuned"}, {"coordinates": "tuned"}]

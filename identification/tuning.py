@@ -243,7 +243,7 @@ def _tuned(
     choices = [Choice(key, _rounded(getattr(fixed, key)), alone) for key in coordinates.useless]
     for key in coordinates.names:
         if key == "coordinates":
-            choices.append(Choice(key, f"tuned ({coordinates.states**2} numbers)", reason))
+            choices.append(Choice(key, "tuned", f"{coordinates.states**2} numbers, {reason}"))
         else:
             origin = f", from {_rounded(_NEUTRAL[key])}"
             choices.append(Choice(key, _rounded(getattr(fixed, key)), reason + origin))

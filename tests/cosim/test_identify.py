@@ -69,7 +69,7 @@ def names(result: Identified) -> list[str]:
 
 def test_everything_is_chosen_told_and_kept(found: Identified) -> None:
     expected = ["static_map", "n4sid.subspace.order", "n4sid.subspace.block_rows", "network.warp"]
-    assert names(found) == [*expected, "network.blending"]
+    assert names(found) == [*expected, "network.coordinates", "network.blending"]
     assert [choice.place for choice in found.choices if choice.name == "n4sid.subspace.order"] == [
         "eta = 0.75", "eta = 1.25", "eta = 1.75", "eta = 2.25",
     ]  # fmt: skip
@@ -86,7 +86,7 @@ def test_everything_is_chosen_told_and_kept(found: Identified) -> None:
 
 
 def test_what_is_printed_is_what_overrides(found: Identified, folder: Path) -> None:
-    """Every choice, pasted into the settings file, is no choice any more and gives the same network."""
+    """Every choice, pasted into the settings file, is no choice any more; the warp and the orders come back as they were."""
     keys = re.findall(r"^  (\S+ = .*?)(?: \(eta = \S+\))?: ", found.text(), re.MULTILINE)
     rows = {k.split(" = ")[0] for k in keys}
     assert rows == set(names(found))
@@ -96,10 +96,12 @@ def test_what_is_printed_is_what_overrides(found: Identified, folder: Path) -> N
         if key.startswith("network."):
             pasted["network"] |= tomllib.loads(key)["network"]
     again = identify_from_folder(settings(folder, **pasted, output=folder / "again.json"))
-    assert set(names(again)) == {"n4sid.subspace.block_rows"}  # one number for all where the data chose four
+    # one number for all where the data chose four, and a motion of coordinates that is found anew
+    assert set(names(again)) == {"n4sid.subspace.block_rows", "network.coordinates"}
     assert [model.diagnostics["block_rows"] for model in again.local.models] == block_rows
     assert again.parameter_set.partition.warp == pytest.approx(found.parameter_set.partition.warp, rel=1e-5)
     pasted["n4sid"]["subspace"]["block_rows"] = 50
+    pasted["network"]["coordinates"] = "aligned"
     fixed = identify_from_folder(settings(folder, **pasted, output=folder / "again.json"))
     assert fixed.choices == () and "nothing was chosen automatically" in fixed.text()
 
@@ -109,7 +111,7 @@ def test_a_table_that_gives_one_key_leaves_the_others_to_the_data(folder: Path) 
         return settings(folder, network=given).network
 
     assert network(blending="output").validity == "cubic_warp"
-    assert network(validity="hat").open_choices == ("blending",)
+    assert network(validity="hat").open_choices == ("coordinates", "blending")
     assert network(validity="hat", blending="output").open_choices == ()
     with pytest.raises(SettingsError, match="'blending'"):
         network(blendin="output")

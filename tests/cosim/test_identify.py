@@ -86,7 +86,7 @@ def test_everything_is_chosen_told_and_kept(found: Identified) -> None:
 
 
 def test_what_is_printed_is_what_overrides(found: Identified, folder: Path) -> None:
-    """Every choice, pasted into the settings file, is no choice any more; the warp and the orders come back as they were."""
+    """Every choice, pasted into the settings, is none any more; warp and orders come back as they were."""
     keys = re.findall(r"^  (\S+ = .*?)(?: \(eta = \S+\))?: ", found.text(), re.MULTILINE)
     rows = {k.split(" = ")[0] for k in keys}
     assert rows == set(names(found))

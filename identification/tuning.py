@@ -22,6 +22,8 @@ from identification.surrogate.least_squares import Minimum, NormalEquations, min
 _STEP = 1e-4
 """Of the one-sided differences, in coordinates of order one: far above rounding, far below what matters."""
 _LARGEST_COORDINATE = 5.0
+_TIE = 1e-6
+"""Relative difference of training errors below which rounding would choose; the first blending wins."""
 _K_SIGMA_START = 0.5
 _NEUTRAL: dict[str, Any] = {"k_sigma": _K_SIGMA_START, "warp": (0.0, 0.0), "deviation_gain": 0.0}
 _DEFAULTS: dict[str, Any] = {
@@ -117,11 +119,15 @@ def tuned_network(
         trial = settings.model_copy(update={"blending": blending, **without})
         example = network(name, local, _start(trial), derived_outputs)
         found.append(_tuned(trial, example, Objective(example, training, chosen.signals), chosen))
-    best = min(found, key=lambda one: one.percent)  # the first wins a tie
+    best = found[0]
+    for one in found[1:]:
+        if one.percent < (1.0 - _TIE) * best.percent:
+            best = one
     choices = (*kept, *best.choices)
     if settings.blending == "best":
         costs = ", ".join(f"{one.settings.blending} {one.percent:.4g} %" for one in found)
-        choices = (*choices, Choice("blending", best.settings.blending, f"smaller training error ({costs})"))
+        why = "no larger" if best is found[0] else "smaller"
+        choices = (*choices, Choice("blending", best.settings.blending, f"{why} training error ({costs})"))
     final = _in_tuned_coordinates(local, best)
     parameter_set = network(name, final, best.settings, derived_outputs, **rest)
     return TunedNetwork(parameter_set, choices, best.settings, final)

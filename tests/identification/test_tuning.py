@@ -261,6 +261,16 @@ def test_a_single_local_model_leaves_nothing_to_tune() -> None:
     assert [choice.name for choice in found.choices] == ["k_sigma", "coordinates"]
 
 
+def test_rounding_does_not_choose_the_blending() -> None:
+    """One model is the same network by either blending; in half of the cases rounding favours the second."""
+    for scale in (0.8, 0.9, 1.1, 1.3):
+        alone = local_models((scale,), (1.5,))
+        for seed in range(4):
+            data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), seed, 1.0)
+            found = tuned_network("net", alone, [data], settings_of(blending="best"), [FORCE])
+            assert found.settings.blending == "parameter" and "no larger" in found.choices[-1].reason
+
+
 def test_a_number_without_influence_is_no_reason_to_fail() -> None:
     """Far beyond the range the schedule is clipped, whatever the gain of the deviation."""
     data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3, 2.0)

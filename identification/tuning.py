@@ -111,13 +111,13 @@ def tuned_network(
         return TunedNetwork(parameter_set, (*kept, *choices), fixed, local)
     if not settings.open_choices:
         return TunedNetwork(network(name, local, settings, derived_outputs, **rest), kept, settings, local)
-    if "coordinates" in settings.open_choices:
-        local = _in_balanced_coordinates(local)
     found = []
     for blending in ("parameter", "output") if settings.blending == "best" else (settings.blending,):
         without = {"deviation_gain": 0.0} if blending == "output" else {}
         trial = settings.model_copy(update={"blending": blending, **without})
-        example = network(name, local, _start(trial), derived_outputs)
+        # only where it matters, so that a blending has the same bits whether or not it was compared
+        models = _in_balanced_coordinates(local) if "coordinates" in trial.open_choices else local
+        example = network(name, models, _start(trial), derived_outputs)
         found.append(_tuned(trial, example, Objective(example, training, chosen.signals), chosen))
     best = found[0]
     for one in found[1:]:
@@ -158,8 +158,8 @@ def _without_large_searches(
 def _in_tuned_coordinates(local: LocalModels, tuned: _Tuned) -> LocalModels:
     if tuned.generator is None:
         return local
-    partition = local.partition(tuned.settings)
-    return replace(local, models=tuple(transformed(local.models, partition, tuned.generator)))
+    partition, models = local.partition(tuned.settings), _in_balanced_coordinates(local).models
+    return replace(local, models=tuple(transformed(models, partition, tuned.generator)))
 
 
 def _start(settings: NetworkSettings) -> NetworkSettings:

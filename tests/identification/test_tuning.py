@@ -164,6 +164,17 @@ def test_the_better_blending_is_chosen_and_said() -> None:
     assert found.settings.blending == found.parameter_set.blending == "output"
 
 
+def test_a_blending_has_the_same_bits_whether_or_not_it_was_compared() -> None:
+    smooth = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3, 2.0)
+    bases = [np.linalg.qr(random_stream(7, k).standard_normal((6, 6)))[0] for k in range(4)]
+    raw, once = local_models(SCALES, transforms=bases), TuningSettings(iterations=1)
+    chosen = settings_of(coordinates="tuned", blending="best")
+    compared = tuned_network("net", raw, [smooth], chosen, [FORCE], once)
+    alone = tuned_network("net", raw, [smooth], settings_of(blending="output"), [FORCE], once)
+    assert compared.settings.blending == "output"
+    assert compared.parameter_set.local_models == alone.parameter_set.local_models
+
+
 def test_without_training_data_the_choices_fall_back_and_say_so() -> None:
     found = tuned_network("net", LOCAL, [], settings_of(blending="best"), [FORCE])
     assert found.parameter_set.partition.validity == "cubic" and found.parameter_set.blending == "parameter"

@@ -61,3 +61,4 @@ GLOVER = 1e-6  # relative: Glover's bound on a grid of frequencies, singular val
 STATIC_GAIN = 1e-6  # relative: (I - A)^-1 after a change to balanced coordinates
 OCTAVE_POLE = 1e-4  # in the z plane: two estimators on the same 20 s of noisy data; 1e-5 is reached
 OUTPUT_PARTITION = 0.01  # m/m: the contact spring takes up what the force at rest changes with the height
+SAME_FIT = 1e-6  # percentage points: the same search twice, matrix products may round by where arrays lie

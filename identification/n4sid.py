@@ -189,17 +189,21 @@ def network(
 def _of_one_order(
     models: list[LocalModel], groups: Sequence[Sequence[DataSet]], settings: N4sidSettings
 ) -> list[LocalModel]:
-    """Return the models with as many states as the largest of them; an automatic order may differ."""
-    highest = max(model.order for model in models)
-    subspace = settings.subspace.model_copy(update={"order": highest})
+    """Return the models with one order, the middle of theirs (of two the larger); automatic ones may differ.
+
+    States that one local model alone shows have no counterpart to be blended with; given to all, they make
+    the blend worse than none, and may make it unstable.
+    """
+    common = sorted(model.order for model in models)[len(models) // 2]
+    subspace = settings.subspace.model_copy(update={"order": common})
     result = []
     for model, group in zip(models, groups, strict=True):
-        if model.order == highest:
+        if model.order == common:
             result.append(model)
             continue
-        why = f"as the largest of the local models, {model.order} would do here"
+        why = f"the middle of the local models' orders, {model.order} by itself"
         again = estimate(group, settings.inputs, settings.outputs, subspace)
-        again.diagnostics["choices"].insert(0, Choice("order", highest, why).record())
+        again.diagnostics["choices"].insert(0, Choice("order", common, why).record())
         result.append(again)
     return result
 

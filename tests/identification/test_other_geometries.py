@@ -89,16 +89,7 @@ def fits(plants: dict[str, PhysicalParameters]) -> Callable[[str], dict[str, flo
     return of_plant
 
 
-SURPLUS_STATES = pytest.mark.xfail(
-    strict=True,
-    reason="at the lowest height the second harmonic of a weakly damped mode passes for two more states; "
-    "given to the other local models as well, they have no counterpart there and cannot be aligned",
-)
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=SURPLUS_STATES if name == "second" else ()) for name in PLANTS]
-)
+@pytest.mark.parametrize("name", PLANTS)
 def test_parameter_blending_is_at_least_as_good_as_output_blending(
     name: str, fits: Callable[[str], dict[str, float]]
 ) -> None:

@@ -180,7 +180,7 @@ def test_local_models_that_are_blended_get_one_order() -> None:
     assert [model.order for model in local.models] == [5, 5]
     orders = [choice for choice in local.choices if choice.name == "subspace.order"]
     assert [(choice.place, choice.value) for choice in orders] == [("load = -6", 5), ("load = 2", 5)]
-    assert orders[1].reason == "as the largest of the local models, 4 would do here"
+    assert orders[1].reason == "the middle of the local models' orders, 4 by itself"
 
 
 def test_settings_that_do_not_fit_together_are_told_at_once() -> None:

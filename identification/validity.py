@@ -133,7 +133,7 @@ NODES = 81
 contact force at most (61 nodes: 0.008, 41 nodes: 0.018)."""
 
 
-def node_positions(partition: Partition, count: int = NODES) -> Array:
+def node_positions(partition: Partition, count: int = NODES, curved: bool = False) -> Array:
     """Return the nodes of a partition, ascending: range ends, centres, and for cubics what lies between.
 
     Hats are straight between the centres, so they need no more. Cubics get nodes of equal distance within
@@ -142,11 +142,12 @@ def node_positions(partition: Partition, count: int = NODES) -> Array:
     Args:
         partition: Range, centres and validity.
         count: Nodes of a cubic over the whole range, if the centres fall on them.
+        curved: Whether what the weights blend is no straight line even where they are.
     """
     low, high = partition.range
     inside = [centre for centre in partition.centres if low < centre < high]
     corners = np.array([low, *inside, high])
-    if partition.validity not in ("cubic", "cubic_warp"):
+    if not curved and partition.validity not in ("cubic", "cubic_warp"):
         return corners
     step = (high - low) / (count - 1)
     pieces = [

@@ -207,17 +207,24 @@ class SurrogateParameters(Part):
     """The physical parameters behind the local models of a surrogate; the FMU does not compute with them.
 
     Attributes:
-        structure: "chain7" (thesis eq. 3.22-3.35) or "chain10" (collector head free, eq. 3.37).
+        structure: "chain7" (thesis eq. 3.22-3.35), "chain8" (torque on both lower masses), "chain9" (and a
+            damper to ground) or "chain10" (collector head free, eq. 3.37).
         head: Collector head and contact parameters that were given: m_C, k_C, c_C, k_E.
         physical: Per local model, name to value: from the frequency response.
-        tuned: Per local model, name to value: after output error, what the matrices are made of.
+        tuned: Per local model, name to value: after output error.
         units: Name to unit.
-        at_bound: Per local model, the names that ended at a bound.
+        at_bound: Per local model, the names that ended at a bound after output error.
+        starts: Per local model, what led to the physical values: "closed form" or "random".
+        recommended: Which of the two is recommended.
+        reason: Why, in a sentence.
     """
 
-    structure: Literal["chain7", "chain10"]
+    structure: Literal["chain7", "chain8", "chain9", "chain10"]
     head: dict[str, Quantity]
     physical: tuple[dict[str, Number], ...]
     tuned: tuple[dict[str, Number], ...]
     units: dict[str, str]
     at_bound: tuple[tuple[str, ...], ...] = ()
+    starts: tuple[Text, ...] = ()
+    recommended: Literal["physical", "tuned"] = "tuned"
+    reason: Text = ""

@@ -1,20 +1,34 @@
 """Mechanical surrogates of the pantograph: physical parameters, tuned by output error."""
 
+from identification.surrogate.assembly import network, theta_nodes
+from identification.surrogate.chain import Head
 from identification.surrogate.frequency_response import FrequencyResponseFit, FrequencyResponseSettings
-from identification.surrogate.job import SurrogateResult, SurrogateSettings, identify, network
+from identification.surrogate.job import identify
 from identification.surrogate.output_error import OutputErrorFit, OutputErrorSettings
-from identification.surrogate.structure import STRUCTURES, Head, Structure
+from identification.surrogate.problem import SIGNALS, NetworkParameters, OutputErrorProblem
+from identification.surrogate.result import Recommendation, SurrogateResult, Which
+from identification.surrogate.settings import REASONED_START, THESIS, SurrogateSettings
+from identification.surrogate.structure import STRUCTURES, Parameter, Structure
 
 __all__ = [
+    "REASONED_START",
+    "SIGNALS",
     "STRUCTURES",
+    "THESIS",
     "FrequencyResponseFit",
     "FrequencyResponseSettings",
     "Head",
+    "NetworkParameters",
     "OutputErrorFit",
+    "OutputErrorProblem",
     "OutputErrorSettings",
+    "Parameter",
+    "Recommendation",
     "Structure",
     "SurrogateResult",
     "SurrogateSettings",
+    "Which",
     "identify",
     "network",
+    "theta_nodes",
 ]

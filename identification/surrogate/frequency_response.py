@@ -1,13 +1,15 @@
 """Theta of a surrogate from the frequency response of a local black-box model.
 
 A search in the frequency domain meets far fewer local optima than the output error itself, so it gives the
-start of the output error, and because statics do not disturb it, the physical values of the parameters.
+start of the output error, and because statics do not disturb it, the physical values of the parameters. It
+begins at a closed-form solution; random starts are drawn only where that one fails, and the result says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,36 +19,14 @@ from scipy.signal import welch
 from fmu_builder.errors import IdentificationError
 from identification.arrays import Array
 from identification.local_model import LocalModel
+from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, Head, LocalDynamics
+from identification.surrogate.closed_form import closed_form, continuous_response
 from identification.surrogate.least_squares import Minimum, NormalEquations, minimise
-from identification.surrogate.structure import (
-    INPUT_NAMES,
-    OUTPUT_MATRIX,
-    OUTPUT_NAMES,
-    Head,
-    LocalDynamics,
-    Structure,
-)
+from identification.surrogate.structure import Structure
 
 ComplexArray = npt.NDArray[np.complex128]
 
-REASONED_START: Mapping[str, float] = {
-    "m_H": 8.0,  # bars reduced to the head: the upper arm near the crossbar, the rest below
-    "m_M": 20.0,
-    "k_L": 25000.0,  # an elastic upper arm: the second mode near 12 Hz
-    "c_L": 40.0,  # a few percent of damping, here and at the wall
-    "r_M": 0.4,
-    "k_W": 500.0,  # a frame in nearly neutral balance
-    "c_W": 40.0,
-}
-PUBLISHED_START: Mapping[str, float] = {  # mean of the four columns of thesis Table 4.3, rounded
-    "m_H": 15.5,
-    "m_M": 35.0,
-    "k_L": 210.0,
-    "c_L": 41.0,
-    "r_M": 0.15,
-    "k_W": 8000.0,
-    "c_W": 2501.0,
-}
+CLOSED_FORM = "closed form"
 
 
 class FrequencyResponseSettings(BaseModel):
@@ -56,8 +36,9 @@ class FrequencyResponseSettings(BaseModel):
         lowest: Lowest frequency, Hz.
         highest: Highest frequency, Hz.
         count: Frequencies, equally spaced in log.
-        random_starts: Starts drawn log-uniformly within the bounds, beside the reasoned and the published
-            one.
+        start: `closed form` takes random starts only where the closed form fails; `random` leaves it out.
+        random_starts: Starts drawn within the usual values of the structure's parameters.
+        largest_error: Relative error above which the closed form counts as failed.
         seed: Seed of the random starts.
         iterations: Most steps from one start.
         agreement: Relative difference of the cost up to which two starts count as having found the same
@@ -69,7 +50,9 @@ class FrequencyResponseSettings(BaseModel):
     lowest: float = Field(0.4, gt=0.0)
     highest: float = Field(40.0, gt=0.0)
     count: int = Field(60, ge=8)
-    random_starts: int = Field(8, ge=0)
+    start: Literal["closed form", "random"] = "closed form"
+    random_starts: int = Field(10, ge=0)
+    largest_error: float = Field(0.1, gt=0.0)
     seed: int = 0
     iterations: int = Field(200, ge=1)
     agreement: float = Field(1e-3, gt=0.0)
@@ -87,19 +70,29 @@ class FrequencyResponseFit:
         theta: Parameters, (P,), in the order of the structure.
         relative_error: Weighted norm of the difference over that of the response fitted to.
         at_bound: Parameters at a bound, with `lower` or `upper`.
-        best_start: Name of the start that was best: `reasoned`, `published` or `random K`.
-        starts: How many starts were made.
-        agreed: How many of them ended at the same cost.
-        costs: Final cost of every start, in their order.
+        best_start: Name of the start that was best: `closed form`, `random K`, or that of an extra start.
+        costs: Final cost of every start, by name.
+        agreed: How many of them ended at the lowest cost.
+        fallback: Why random starts were needed, empty if they were not.
     """
 
     theta: Array
     relative_error: float
     at_bound: Mapping[str, str]
     best_start: str
-    starts: int
+    costs: Mapping[str, float]
     agreed: int
-    costs: tuple[float, ...]
+    fallback: str = ""
+
+    @property
+    def start(self) -> str:
+        """`closed form`, `random`, or the name of an extra start: what led to theta."""
+        return "random" if self.best_start.startswith("random") else self.best_start
+
+    @property
+    def starts(self) -> int:
+        """How many starts were made."""
+        return len(self.costs)
 
 
 def local_response(model: LocalModel, frequencies: Array) -> ComplexArray:
@@ -148,41 +141,45 @@ def response_weights(response: ComplexArray, spectrum: Array, frequencies: Array
 
 
 def fit_frequency_response(
-    response: ComplexArray,
-    weights: Array,
+    model: LocalModel,
+    spectrum: Array,
     structure: Structure,
     head: Head,
-    sample_time: float,
     settings: FrequencyResponseSettings,
     extra_starts: Mapping[str, Array] | None = None,
 ) -> FrequencyResponseFit:
-    """Fit theta to a frequency response by bounded least squares from several starts.
+    """Fit theta to the frequency response of a local model by bounded least squares.
 
     Args:
-        response: Response to reproduce at `settings.frequencies()`, (F, 4, 2).
-        weights: Weight of each entry, (F, 4, 2).
+        model: Local model with the pantograph's signals.
+        spectrum: Power spectral density of the inputs at `settings.frequencies()`, (F, 2).
         structure: Which chain.
         head: The collector head.
-        sample_time: Sample time of the discrete models, s.
         settings: Frequencies and starts.
         extra_starts: Further starts by name, each theta (P,).
 
     Raises:
-        IdentificationError: No start leads anywhere finite.
+        IdentificationError: A signal is missing, or no start leads anywhere finite.
     """
-    problem = _ResponseProblem(response, weights, structure, head, sample_time, settings.frequencies())
-    starts = _starts(structure, head, settings) | dict(extra_starts or {})
-    minima: dict[str, Minimum] = {}
-    for name, theta in starts.items():
-        minima[name] = minimise(
-            problem.cost,
-            problem.normal_equations,
-            structure.to_search(theta),
-            structure.bounds,
-            settings.iterations,
-            tolerance=1e-7,
-            largest_step=1.5,
-        )
+    frequencies = settings.frequencies()
+    response = local_response(model, frequencies)
+    weights = response_weights(response, spectrum, frequencies)
+    problem = _ResponseProblem(response, weights, structure, head, model.sample_time, frequencies)
+    starts = {name: structure.to_search(theta) for name, theta in (extra_starts or {}).items()}
+    solved = None
+    if settings.start == "closed form":
+        continuous = continuous_response(model, frequencies)
+        solved = None if continuous is None else closed_form(continuous, frequencies, head, weights)
+        if solved is not None:
+            starts[CLOSED_FORM] = structure.to_search(structure.from_coefficients(solved, head))
+    minima = {name: _searched(problem, start, settings) for name, start in starts.items()}
+    fallback = _doubt(problem, minima.get(CLOSED_FORM), settings)
+    if fallback:
+        generator = np.random.default_rng(settings.seed)
+        lower, upper = structure.start_bounds
+        for index in range(settings.random_starts):
+            start = generator.uniform(lower, upper)
+            minima[f"random {index + 1}"] = _searched(problem, start, settings)
     finite = [name for name, minimum in minima.items() if np.isfinite(minimum.cost)]
     if not finite:
         what = "no start of the frequency-response fit gives a finite cost"
@@ -196,24 +193,35 @@ def fit_frequency_response(
         relative_error=float(np.sqrt(lowest / problem.size)),
         at_bound=structure.at_bound(theta),
         best_start=best,
-        starts=len(starts),
+        costs={name: minimum.cost for name, minimum in minima.items()},
         agreed=sum(minima[name].cost <= within for name in finite),
-        costs=tuple(minimum.cost for minimum in minima.values()),
+        fallback=fallback,
     )
 
 
-def _starts(structure: Structure, head: Head, settings: FrequencyResponseSettings) -> dict[str, Array]:
-    """Return the starts by name."""
-    known = {"m_C": head.m_C, "k_C": head.k_C, "c_C": head.c_C}
-    starts: dict[str, Array] = {}
-    for name, values in (("reasoned", REASONED_START), ("published", PUBLISHED_START)):
-        given = {**values, **known, "b_M": 1.0 / values["r_M"]}
-        starts[name] = np.array([given.get(parameter, 0.0) for parameter in structure.names])
-    generator = np.random.default_rng(settings.seed)
-    lower, upper = structure.bounds
-    for index in range(settings.random_starts):
-        starts[f"random {index + 1}"] = structure.from_search(generator.uniform(lower, upper))
-    return starts
+def _searched(problem: _ResponseProblem, start: Array, settings: FrequencyResponseSettings) -> Minimum:
+    return minimise(
+        problem.cost,
+        problem.normal_equations,
+        start,
+        problem.structure.bounds,
+        settings.iterations,
+        tolerance=1e-7,
+        largest_step=1.5,
+    )
+
+
+def _doubt(problem: _ResponseProblem, found: Minimum | None, settings: FrequencyResponseSettings) -> str:
+    """Return why what the closed form led to may not be the best optimum; empty if nothing speaks for it."""
+    if settings.start != CLOSED_FORM:
+        return "the closed form was not asked for"
+    if found is None or not np.isfinite(found.cost):
+        return "the closed form finds no chain with positive masses and stiffness"
+    error = float(np.sqrt(found.cost / problem.size))
+    if error > settings.largest_error:
+        return f"the closed form leads to a relative error of {error:.2g}"
+    held = problem.structure.at_bound(problem.structure.from_search(found.x))
+    return f"the closed form leads to a bound of {', '.join(held)}" if held else ""
 
 
 @dataclass(frozen=True)

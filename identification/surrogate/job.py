@@ -1,166 +1,32 @@
-"""The whole surrogate job: local black-box models, whole-range data -> physical, tuned theta -> network."""
+"""The whole surrogate job: local black-box models, whole-range data -> physical, tuned theta."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from fmu_builder.errors import IdentificationError, Problem
-from fmu_builder.parameter_set import DerivedOutput, ParameterSet, Partition, Quantity, SurrogateParameters
 from identification.arrays import Array
 from identification.data_set import DataSet
-from identification.local_model import LocalModel
 from identification.n4sid import LocalModels
-from identification.network import NetworkSettings, assemble, partition_of
-from identification.scores import fit_percent
-from identification.static_map import StaticMap
+from identification.surrogate.chain import INPUT_NAMES, Head
 from identification.surrogate.frequency_response import (
     FrequencyResponseFit,
-    FrequencyResponseSettings,
     fit_frequency_response,
     input_spectrum,
-    local_response,
-    response_weights,
 )
-from identification.surrogate.output_error import (
-    SIGNALS,
-    OutputErrorFit,
-    OutputErrorProblem,
-    OutputErrorSettings,
-    criterion_weights,
-    fit_output_error,
-    observation_matrix,
-)
-from identification.surrogate.recursion import Experiment, Observation
-from identification.surrogate.structure import (
-    INPUT_NAMES,
-    OUTPUT_MATRIX,
-    OUTPUT_NAMES,
-    STRUCTURES,
-    Head,
-    Structure,
-)
-from identification.validity import weights
+from identification.surrogate.output_error import OutputErrorFit, fit_output_error
+from identification.surrogate.problem import SIGNALS, NetworkParameters
+from identification.surrogate.result import Recommendation, SurrogateResult
+from identification.surrogate.settings import SurrogateSettings
+from identification.surrogate.structure import STRUCTURES
+from identification.surrogate.training import Frame, criterion_of, cut
+from identification.validity import equidistant_centres
 
-HEAD_UNITS = {"m_C": "kg", "k_C": "N/m", "c_C": "N.s/m", "k_E": "N/m"}
-
-
-class SurrogateSettings(BaseModel):
-    """What kind of surrogate is identified, and how.
-
-    Attributes:
-        structure: A key of `STRUCTURES`.
-        validity: Validity functions. A structure that cannot follow the reference must not be extrapolated:
-            the default holds the outer models beyond their centres.
-        k_sigma: Gaussians only: the standard deviation is k_sigma times the spread.
-        frequency_response: The fit that gives the physical theta and the start of the tuning.
-        output_error: The tuning.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    structure: Literal["chain7", "chain10"] = "chain7"
-    validity: Literal["gaussian", "hat_clamped", "hat"] = "hat_clamped"
-    k_sigma: float = Field(1.0 / 3.0, gt=0.0)
-    frequency_response: FrequencyResponseSettings = FrequencyResponseSettings()
-    output_error: OutputErrorSettings = OutputErrorSettings()
-
-    @property
-    def network(self) -> NetworkSettings:
-        """How the local models become a network."""
-        return NetworkSettings(
-            validity=self.validity,
-            k_sigma=self.k_sigma,
-            blending="parameter",
-            offsets="scheduled_equilibrium",
-        )
-
-
-@dataclass(frozen=True)
-class SurrogateResult:
-    """A surrogate: two thetas, kept apart because tuning buys fit with physics.
-
-    Attributes:
-        structure: The chain.
-        head: The collector head.
-        settings: What was asked for.
-        partition: Scheduling input, range, centres and validity functions.
-        local: The local black-box models and what else the network needs.
-        physical: Theta of every local model from its frequency response, (M, P).
-        tuned: Theta after output error, (M, P); equal to `physical` if that was not better or not asked for.
-        recommended: Which of the two the network is made of unless said otherwise.
-        reason: Why, in a sentence.
-        responses: The fit of every local model.
-        tuning: The output-error fit, None if it was not asked for.
-        fit_before: FIT on the training data with `physical`, by signal.
-        fit_after: The same with `tuned`.
-        provenance: Names and content hashes of the training data, settings.
-    """
-
-    structure: Structure
-    head: Head
-    settings: SurrogateSettings
-    partition: Partition
-    local: LocalModels
-    physical: Array
-    tuned: Array
-    recommended: Literal["physical", "tuned"]
-    reason: str
-    responses: tuple[FrequencyResponseFit, ...]
-    tuning: OutputErrorFit | None
-    fit_before: Mapping[str, float]
-    fit_after: Mapping[str, float]
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-
-    def theta(self, which: Literal["physical", "tuned"]) -> Array:
-        """Return one of the two thetas, (M, P)."""
-        return self.physical if which == "physical" else self.tuned
-
-    def at_bound(self, which: Literal["physical", "tuned"]) -> tuple[dict[str, str], ...]:
-        """Return per local model the parameters that stand at a bound, with `lower` or `upper`."""
-        return tuple(self.structure.at_bound(row) for row in self.theta(which))
-
-    def local_models(self, which: Literal["physical", "tuned"]) -> tuple[LocalModel, ...]:
-        """Return the discrete local models of one of the thetas."""
-        at_rest = self.local.static_map.select(OUTPUT_NAMES).at(np.asarray(self.partition.centres))
-        torque = self.local.settings.operating_point["M_pa"]
-        sample_time = self.local.models[0].sample_time
-        found = []
-        for row, centre, rest in zip(self.theta(which), self.partition.centres, at_rest, strict=True):
-            dynamics = self.structure.discretise(row, self.head, sample_time, derivatives=False)
-            found.append(
-                LocalModel(
-                    *(dynamics.A, dynamics.B, OUTPUT_MATRIX, np.zeros((len(OUTPUT_NAMES), len(INPUT_NAMES)))),
-                    sample_time,
-                    inputs=INPUT_NAMES,
-                    outputs=OUTPUT_NAMES,
-                    input_operating_point=np.array([centre, torque]),
-                    output_operating_point=rest,
-                )
-            )
-        return tuple(found)
-
-    def parameters(self) -> SurrogateParameters:
-        """Return both thetas as they stand in a parameter set; `at_bound` belongs to the tuned one."""
-        names = self.structure.names
-        tables = {
-            which: tuple(dict(zip(names, row.tolist(), strict=True)) for row in self.theta(which))
-            for which in ("physical", "tuned")
-        }
-        return SurrogateParameters(
-            structure=self.settings.structure,
-            head={
-                name: Quantity(value=value, unit=HEAD_UNITS[name])
-                for name, value in asdict(self.head).items()
-            },
-            **tables,
-            units={parameter.name: parameter.unit for parameter in self.structure.parameters},
-            at_bound=tuple(tuple(row) for row in self.at_bound("tuned")),
-        )
+_SCHEDULE_TOLERANCE = 1e-3
+"""Relative gain that ends the search for warp and kappa of a theta that does not move."""
 
 
 def identify(
@@ -168,17 +34,21 @@ def identify(
     training: Sequence[DataSet],
     head: Head,
     settings: SurrogateSettings | None = None,
+    validation: Sequence[DataSet] = (),
 ) -> SurrogateResult:
     """Return a surrogate with the centres, range and static map of local black-box models.
 
     Theta is fitted to the frequency response of each local model, then tuned by output error on whole-range
-    data. The tuned theta is used only if it does not make the training cost worse.
+    data. The tuned theta is recommended only if on validation data neither the cost of eq. 3.39 nor the FIT
+    of F_p is worse than with the physical one.
 
     Args:
         local: Local models with the pantograph's signals, in any state coordinates.
         training: Whole-range experiments with eta, M_pa and `SIGNALS`.
         head: The collector head, known.
-        settings: What is asked for; default chain7, held beyond the outer centres.
+        settings: What is asked for; default chain8, theta blended.
+        validation: Whole-range experiments that decide which theta is recommended; without them the training
+            data do, and the result says so.
 
     Raises:
         DataError: Columns are missing.
@@ -186,185 +56,175 @@ def identify(
         BuildError: The recursion cannot be compiled.
     """
     chosen = settings or SurrogateSettings()
-    structure = STRUCTURES[chosen.structure]
-    _check(local, training)
-    for experiment in training:
+    _check(local, training, validation)
+    for experiment in (*training, *validation):
         experiment.select((*INPUT_NAMES, *SIGNALS))
-    identified = local.settings
-    partition = partition_of(
-        chosen.network, "eta", (identified.low, identified.high), [float(centre) for centre in local.centres]
-    )
-    responses = _responses(local, training, structure, head, chosen.frequency_response)
-    physical = np.stack([fit.theta for fit in responses])
-    problem = training_problem(local, training, partition, structure, head, chosen.output_error)
-    tuning = fit_output_error(problem, physical, chosen.output_error) if chosen.output_error.enabled else None
-    tuned, recommended, reason = _choose(physical, tuning)
+    criterion = criterion_of(training, local.static_map, head, chosen.output_error.contact_force_weight)
+    frame = Frame(chosen, local, head, tuple(float(centre) for centre in local.centres), criterion)
+    responses = _responses(frame, training)
+    used = cut(training, chosen.training_rows)
+    physical = _completed(frame, used, np.stack([fit.theta for fit in responses]))
+    tuning = _tuned(frame, used, physical) if chosen.output_error.enabled else None
+    tuned = physical if tuning is None else tuning.parameters
+    problem = frame.problem(used)
     data = [{"name": one.name, "content_hash": one.content_hash} for one in training]
+    judges = [{"name": one.name, "content_hash": one.content_hash} for one in validation]
+    known = {"training": data, "validation": judges, "settings": chosen.model_dump(mode="json")}
     return SurrogateResult(
-        structure=structure,
-        head=head,
-        settings=chosen,
-        partition=partition,
-        local=local,
-        physical=physical,
-        tuned=tuned,
-        recommended=recommended,
-        reason=reason,
+        frame=frame,
+        physical_parameters=physical,
+        tuned_parameters=tuned,
+        recommendation=_recommended(frame, physical, tuning, used, validation),
         responses=responses,
         tuning=tuning,
-        fit_before=training_fit(problem, physical, local.static_map, training),
-        fit_after=training_fit(problem, tuned, local.static_map, training),
-        provenance={"surrogate": {"training": data, "settings": chosen.model_dump(mode="json")}},
+        fit_before=frame.fit(problem, physical, used),
+        fit_after=frame.fit(problem, tuned, used),
+        provenance={"surrogate": known},
     )
 
 
-def network(
-    name: str,
-    result: SurrogateResult,
-    derived_outputs: Sequence[DerivedOutput] = (),
-    which: Literal["physical", "tuned"] | None = None,
-    **rest: Any,
-) -> ParameterSet:
-    """Return the parameter set of a surrogate.
-
-    Args:
-        name: C identifier; the FMU's default model identifier.
-        result: From `identify`.
-        derived_outputs: F_H and F_p.
-        which: Theta the local models are made of; default the recommended one.
-        rest: Further fields of the parameter set; `provenance` is added to that of the identification.
-
-    Raises:
-        ParameterSetError: Not a valid parameter set; every problem is named.
-    """
-    theta = which or result.recommended
-    inputs, outputs = result.local.signals
-    provenance = {
-        **result.local.provenance,
-        **result.provenance,
-        "theta": theta,
-        **rest.pop("provenance", {}),
-    }
-    return assemble(
-        name,
-        result.local_models(theta),
-        result.partition,
-        result.settings.network,
-        (
-            tuple(next(one for one in inputs if one.name == wanted) for wanted in INPUT_NAMES),
-            tuple(next(one for one in outputs if one.name == wanted) for wanted in OUTPUT_NAMES),
-        ),
-        result.local.static_map,
-        derived_outputs,
-        kind="surrogate",
-        surrogate=result.parameters(),
-        provenance=provenance,
-        **rest,
-    )
-
-
-def training_problem(
-    local: LocalModels,
-    training: Sequence[DataSet],
-    partition: Partition,
-    structure: Structure,
-    head: Head,
-    settings: OutputErrorSettings,
-) -> OutputErrorProblem:
-    """Return the output-error problem of whole-range data, in deviations from the static map."""
-    observation = observation_matrix(head)
-    torque = local.settings.operating_point["M_pa"]
-    experiments, deviations = [], []
-    for data in training:
-        eta = data.column("eta")
-        target = data.matrix(SIGNALS) - _at_rest(local.static_map, eta, observation, head)
-        inputs = data.matrix(("M_pa",)) - torque
-        experiments.append(Experiment(eta, inputs, weights(partition, eta), target))
-        deviations.append(target)
-    weight = criterion_weights(np.concatenate(deviations), settings.contact_force_weight)
-    return OutputErrorProblem(
-        structure, head, local.models[0].sample_time, experiments, Observation(observation, weight)
-    )
-
-
-def training_fit(
-    problem: OutputErrorProblem, theta: Array, static_map: StaticMap, training: Sequence[DataSet]
-) -> dict[str, float]:
-    """Return the FIT of every signal, mean over the experiments, with the outputs the kernel would give."""
-    fits = []
-    for data, experiment in zip(training, problem.experiments, strict=True):
-        at_rest = _at_rest(static_map, experiment.scheduling, problem.observation.matrix, problem.head)
-        simulated = at_rest + problem.simulate(theta, experiment)
-        reference = data.matrix(SIGNALS)
-        fits.append([fit_percent(reference[:, k], simulated[:, k]) for k in range(len(SIGNALS))])
-    return dict(zip(SIGNALS, np.mean(fits, axis=0).tolist(), strict=True))
-
-
-def _at_rest(static_map: StaticMap, eta: Array, observation: Array, head: Head) -> Array:
-    """Return `SIGNALS` of a state at rest: row k + 1 with eta of row k, as in the kernel.
-
-    F_p uses the height set last, so its part -k_E eta is that of row k itself.
-    """
-    latched = np.concatenate([eta[:1], eta[:-1]])
-    outputs = static_map.select(OUTPUT_NAMES).at(latched)
-    rest: Array = outputs @ observation[:, : len(OUTPUT_NAMES)].T
-    rest[:, SIGNALS.index("F_p")] -= head.k_E * eta
-    return rest
-
-
-def _responses(
-    local: LocalModels,
-    training: Sequence[DataSet],
-    structure: Structure,
-    head: Head,
-    settings: FrequencyResponseSettings,
-) -> tuple[FrequencyResponseFit, ...]:
-    """Fit every local model; the theta of the model below it is one more start: theta moves slowly."""
+def _responses(frame: Frame, training: Sequence[DataSet]) -> tuple[FrequencyResponseFit, ...]:
+    """Fit every local model to its frequency response, weighted by the excitation of the training data."""
+    settings = frame.settings.frequency_response
+    sample_time = frame.local.models[0].sample_time
     frequencies = settings.frequencies()
-    sample_time = local.models[0].sample_time
     spectra = [input_spectrum(data.matrix(INPUT_NAMES), sample_time, frequencies) for data in training]
     spectrum = np.mean(spectra, axis=0)
-    found: list[FrequencyResponseFit] = []
-    for model in local.models:
-        response = local_response(model, frequencies)
-        weight = response_weights(response, spectrum, frequencies)
-        neighbour = {"neighbour": found[-1].theta} if found else None
-        found.append(
-            fit_frequency_response(response, weight, structure, head, sample_time, settings, neighbour)
-        )
-    return tuple(found)
-
-
-def _choose(
-    physical: Array, tuning: OutputErrorFit | None
-) -> tuple[Array, Literal["physical", "tuned"], str]:
-    """Return the tuned theta, the recommended one and why."""
-    if tuning is None:
-        return physical, "physical", "Output error was not asked for"
-    before, after = tuning.cost_before, tuning.cost_after
-    if not np.isfinite(after) and not np.isfinite(before):
-        what = "the blended surrogate is unstable on the training data"
-        raise IdentificationError.of("output error", what, "Use another structure or other local models")
-    if not after <= before:
-        return (
-            physical,
-            "physical",
-            f"Output error would raise the training cost from {before:.6g} to {after:.6g}",
-        )
-    ended = "converged" if tuning.converged else "stopped at the iteration limit"
-    return (
-        tuning.theta,
-        "tuned",
-        f"Output error lowers the training cost from {before:.6g} to {after:.6g} ({ended})",
+    structure = STRUCTURES[frame.settings.structure]
+    return tuple(
+        fit_frequency_response(model, spectrum, structure, frame.head, settings)
+        for model in frame.local.models
     )
 
 
-def _check(local: LocalModels, training: Sequence[DataSet]) -> None:
+def _completed(frame: Frame, data: Sequence[DataSet], theta: Array) -> NetworkParameters:
+    """Return what belongs to a theta that is not moved: its affine offsets, or its warp and kappa."""
+    settings = frame.settings
+    gain = 0.0 if settings.deviation_gain == "tuned" else settings.deviation_gain
+    start = NetworkParameters(theta, warp=settings.first_warp, gain=gain)
+    problem = frame.problem(data)
+    if problem.affine:
+        start = replace(start, offsets=_first_offsets(frame, len(theta)))
+        found = fit_output_error(problem, start, settings.output_error, free="offsets").parameters
+    elif problem.schedule_size:
+        quick = settings.output_error.model_copy(update={"tolerance": _SCHEDULE_TOLERANCE})
+        found = fit_output_error(problem, start, quick, free="schedule").parameters
+    else:
+        return start
+    return replace(found, theta=theta)
+
+
+def _first_offsets(frame: Frame, models: int) -> Array:
+    """Return offsets to begin with: the torque counts from its operating point."""
+    torque = frame.local.settings.operating_point["M_pa"]
+    return np.tile([0.0, torque, 0.0, 0.0, 0.0, 0.0], (models, 1))
+
+
+def _tuned(frame: Frame, data: Sequence[DataSet], physical: NetworkParameters) -> OutputErrorFit:
+    """Tune stage by stage; a stage begins with the theta that the one before has at its places.
+
+    As in the thesis (4.4), a local model takes over from the one of the stage before whose cell it lies in.
+    """
+    settings = frame.settings.output_error
+    structure = STRUCTURES[frame.settings.structure]
+    start = physical
+    if settings.single_start is not None:
+        theta = structure.from_coefficients(settings.single_start, frame.head)
+        theta = structure.from_search(structure.to_search(theta))
+        start = NetworkParameters(
+            np.tile(theta, (len(frame.centres), 1)), warp=physical.warp, gain=physical.gain
+        )
+    stages = [frame]
+    known = frame.local.settings
+    for count in settings.stages[:-1]:
+        centres = equidistant_centres(count, known.low, known.high)
+        stages.insert(-1, replace(frame, centres=tuple(float(centre) for centre in centres)))
+    fit = None
+    for index, stage in enumerate(stages):
+        if fit is not None or len(start.theta) != len(stage.centres):
+            source = start if fit is None else fit.parameters
+            before = frame.centres if fit is None else stages[index - 1].centres
+            start = _taken_over(source, before, stage.centres)
+        problem = stage.problem(data)
+        if frame.settings.offsets == "affine" and not start.offsets.size:
+            start = _completed(stage, data, start.theta)
+        fit = fit_output_error(problem, start, settings)
+    if fit is None:
+        raise ValueError("there is at least one stage")
+    return fit
+
+
+def _taken_over(
+    source: NetworkParameters, before: Sequence[float], centres: Sequence[float]
+) -> NetworkParameters:
+    """Return for every centre the parameters of the nearest one before, of two the lower."""
+    distance = np.abs(np.asarray(centres)[:, None] - np.asarray(before)[None, :])
+    nearest = np.argmin(np.round(distance, 9), axis=1)
+    offsets = source.offsets[nearest] if source.offsets.size else source.offsets
+    return replace(source, theta=source.theta[nearest], offsets=offsets)
+
+
+def _recommended(
+    frame: Frame,
+    physical: NetworkParameters,
+    tuning: OutputErrorFit | None,
+    training: Sequence[DataSet],
+    validation: Sequence[DataSet],
+) -> Recommendation:
+    """Return which theta is recommended: the tuned one only if it is in no respect worse."""
+    judges = validation or training
+    problem = frame.problem(judges)
+    thetas = (physical, physical if tuning is None else tuning.parameters)
+    cost = tuple(problem.cost(one) / problem.rows for one in thetas)
+    if not any(map(np.isfinite, cost)):
+        what = "the blended surrogate is unstable on whole-range data"
+        raise IdentificationError.of("output error", what, "Use another structure or other local models")
+    contact_force = tuple(frame.fit(problem, one, judges)["F_p"] for one in thetas)
+    return judged(
+        (cost[0], cost[1]), (contact_force[0], contact_force[1]), bool(validation), tuning is not None
+    )
+
+
+def judged(
+    cost: tuple[float, float], contact_force: tuple[float, float], validated: bool, tuned: bool = True
+) -> Recommendation:
+    """Return the recommendation that follows from cost and FIT of F_p before and after the tuning.
+
+    Args:
+        cost: Of eq. 3.39 per sample, physical and tuned.
+        contact_force: FIT of F_p [%], physical and tuned.
+        validated: Whether they are of validation data.
+        tuned: Whether output error was asked for.
+    """
+    data = "validation" if validated else "training"
+    where = f"on {data} data" + ("" if validated else " (no validation data were given)")
+    moves = (
+        f"cost {cost[0]:.4g} -> {cost[1]:.4g}, FIT of F_p {contact_force[0]:.2f} -> {contact_force[1]:.2f} %"
+    )
+    better = tuned and cost[1] <= cost[0] and contact_force[1] >= contact_force[0]
+    if not tuned:
+        reason = "output error was not asked for"
+    elif better:
+        reason = f"output error makes neither cost nor contact force worse {where}: {moves}"
+    else:
+        worse = [
+            name
+            for name, bad in (
+                ("the cost", not cost[1] <= cost[0]),
+                ("the contact force", not contact_force[1] >= contact_force[0]),
+            )
+            if bad
+        ]
+        reason = f"output error makes {' and '.join(worse)} worse {where}: {moves}"
+    return Recommendation("tuned" if better else "physical", reason, data, cost, contact_force)  # type: ignore[arg-type]
+
+
+def _check(local: LocalModels, training: Sequence[DataSet], validation: Sequence[DataSet]) -> None:
     """Refuse what does not belong together, all problems at once."""
     found = []
     if not training:
         found.append(Problem("surrogate", "has no training data", "Give a whole-range experiment"))
-    for data in training:
+    for data in (*training, *validation):
         if abs(data.sample_time - local.models[0].sample_time) > 1e-12:
             what = f"has the sample time {data.sample_time} s, the models {local.models[0].sample_time} s"
             found.append(Problem(f"data set {data.name!r}", what, "Use one sample time"))

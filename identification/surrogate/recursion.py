@@ -1,14 +1,14 @@
 """The compiled output-error recursion: cost, gradient and Gauss-Newton matrix in one pass.
 
-The equations are those of the kernel's scheduled equilibrium with parameter blending; `c/output_error.c`
-states them.
+The equations are those of the kernel with parameter and theta blending, for scheduled equilibrium and affine
+offsets; `c/output_error.c` states them.
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,29 +18,53 @@ from fmu_builder.errors import IdentificationError
 from identification.arrays import Array
 
 _SOURCE = Path(__file__).parent / "c" / "output_error.c"
-_SIZES = ("count", "models", "states", "others", "observed", "rank", "parameters")
-_ARRAYS = (
-    *("A", "B", "g", "dA", "dB", "dg", "start", "start_slope"),
-    *("observation", "weight", "factor", "scheduling", "input", "blend", "target"),
+_SIZES = (
+    *("count", "models", "local_models", "states", "others", "observed", "rank", "parameters"),
+    *("input_offsets", "output_offsets", "nodes", "deviation_state", "common", "gain_column"),
 )
+_ARRAYS = (
+    *("A", "B", "g", "dA", "dB", "dg", "shares", "directions", "offsets", "start", "start_slope"),
+    *("observation", "weight", "factor", "positions", "scheduling", "input", "blend", "target"),
+)
+_START_PASSES = 100
 _Pointer = ctypes.POINTER(ctypes.c_double)
 
 
 class _Problem(ctypes.Structure):
     """`Problem` of the C file, field by field."""
 
-    _fields_ = [*((name, ctypes.c_long) for name in _SIZES), *((name, _Pointer) for name in _ARRAYS)]
+    _fields_ = [
+        *((name, ctypes.c_long) for name in _SIZES),
+        ("gain", ctypes.c_double),
+        *((name, _Pointer) for name in _ARRAYS),
+    ]
+
+
+def _none() -> Array:
+    return np.zeros((0, 0))
 
 
 @dataclass(frozen=True)
 class BlendedModels:
-    """Local models in scheduled-equilibrium form, with derivatives to the P parameters of each.
+    """K models that are interpolated, with derivatives to the parameters of the M local models behind them.
+
+    Without `positions` they are the local models and the experiment brings their weights; with `positions`
+    they are nodes with straight lines in between.
 
     Attributes:
-        A: System matrices, (M, n, n).
-        B: Columns of the inputs that do not schedule, (M, n, o).
-        g: Equilibrium state per unit of the scheduling input, (M, n).
-        dA, dB, dg: Derivatives, parameter last: (M, n, n, P), (M, n, o, P), (M, n, P). P may be 0.
+        A: System matrices, (K, n, n).
+        B: Columns of the inputs that do not schedule, (K, n, o).
+        g: Equilibrium state per unit of the scheduling input, (K, n); zero where it is not scheduled.
+        dA, dB, dg: Derivatives, parameter last: (K, n, n, P), (K, n, o, P), (K, n, P). P may be 0.
+        shares: How much of each local model a model is: a parameter of local model i moves model a by
+            share_ai dA_a, (K, M); default: model a is local model a.
+        positions: Scheduling variable at the nodes, ascending, (K,).
+        gain: kappa: the scheduling variable is the scheduling input + kappa * deviation of a state.
+        deviation_state: That state.
+        directions: How the common parameters move the parameters of each model, (K, common, P).
+        gain_column: Whether kappa is a parameter, the last one.
+        input_offsets: u0 of every local model, subtracted from the inputs, (M, o) or (0, 0) for none.
+        output_offsets: y0 of every local model, added to the first states as observed, (M, p) or (0, 0).
     """
 
     A: Array
@@ -49,11 +73,57 @@ class BlendedModels:
     dA: Array
     dB: Array
     dg: Array
+    shares: Array = field(default_factory=_none)
+    positions: Array = field(default_factory=lambda: np.zeros(0))
+    gain: float = 0.0
+    deviation_state: int = 0
+    directions: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    gain_column: bool = False
+    input_offsets: Array = field(default_factory=_none)
+    output_offsets: Array = field(default_factory=_none)
+
+    def __post_init__(self) -> None:
+        if self.shares.size == 0:
+            object.__setattr__(self, "shares", np.eye(len(self.A)))
+        if self.directions.size == 0:
+            object.__setattr__(self, "directions", np.zeros((len(self.A), 0, self.dA.shape[-1])))
 
     @classmethod
     def without_slopes(cls, A: Array, B: Array, g: Array) -> BlendedModels:
         """Return models without parameters: for plain simulation."""
-        return cls(A, B, g, *(np.zeros((*matrix.shape, 0)) for matrix in (A, B, g)))
+        dA, dB, dg = (np.zeros((*matrix.shape, 0)) for matrix in (A, B, g))
+        return cls(A, B, g, dA, dB, dg)
+
+    @property
+    def plain(self) -> BlendedModels:
+        """The same models without derivatives."""
+        dA, dB, dg = (np.zeros((*matrix.shape, 0)) for matrix in (self.A, self.B, self.g))
+        return replace(self, dA=dA, dB=dB, dg=dg, directions=np.zeros((0, 0, 0)), gain_column=False)
+
+    @property
+    def offsets(self) -> Array:
+        """Input and output offsets beside each other, (M, Q)."""
+        parts = [one for one in (self.input_offsets, self.output_offsets) if one.size]
+        return np.hstack(parts) if parts else np.zeros((self.shares.shape[1], 0))
+
+    @property
+    def columns(self) -> int:
+        """How many parameters: M (P + Q), the common ones, and kappa."""
+        per_model = self.dA.shape[-1] + self.offsets.shape[1]
+        return int(self.shares.shape[1] * per_model + self.directions.shape[1]) + self.gain_column
+
+    def weights_at(self, scheduling: float) -> tuple[Array, Array]:
+        """Return the weights of the nodes (K,) at a scheduling variable, and their slopes."""
+        low, high = self.positions[0], self.positions[-1]
+        r = min(max(scheduling, low), high)
+        cell = int(np.clip(np.searchsorted(self.positions, r, side="right") - 1, 0, len(self.positions) - 2))
+        width = self.positions[cell + 1] - self.positions[cell]
+        weights, slopes = np.zeros(len(self.positions)), np.zeros(len(self.positions))
+        weights[cell + 1] = (r - self.positions[cell]) / width
+        weights[cell] = 1.0 - weights[cell + 1]
+        if r == scheduling:
+            slopes[[cell, cell + 1]] = -1.0 / width, 1.0 / width
+        return weights, slopes
 
 
 @dataclass(frozen=True)
@@ -85,7 +155,7 @@ class Experiment:
     Attributes:
         scheduling: Scheduling input, (N,).
         inputs: The other inputs less their operating points, (N, o).
-        blend: Weight of each model at each row, (N, M).
+        blend: Weight of each model at each row, (N, K); not looked at where the models are nodes.
         target: What z should be, (N, q): measured signals less everything that does not depend on the state.
     """
 
@@ -97,29 +167,58 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Pass:
-    """Result of one pass; parameters are ordered model by model.
+    """Result of one pass; parameters are ordered model by model (dynamics, u0, y0), then the common ones.
 
     Attributes:
         cost: Weighted sum of squared residuals.
-        gradient: J'r with J = d z / d parameters, (M P,); empty without sensitivities.
-        gram: J'J, (M P, M P); empty without sensitivities.
+        gradient: J'r with J = d z / d parameters, (columns,); empty without sensitivities.
+        gram: J'J, (columns, columns); empty without sensitivities.
         simulated: z, (N, q); empty unless asked for.
+        jacobian: J itself without weights, (N, q, columns); empty unless asked for.
     """
 
     cost: float
     gradient: Array
     gram: Array
     simulated: Array
+    jacobian: Array
 
 
-def equilibrium(models: BlendedModels, weights: Array, inputs: Array) -> tuple[Array, Array]:
-    """Return the steady state (n,) of the blended model for constant inputs (o,), and its slopes (n, M P)."""
-    A, B = np.tensordot(weights, models.A, 1), np.tensordot(weights, models.B, 1)
-    state = np.linalg.solve(np.eye(A.shape[0]) - A, B @ inputs)
-    forcing = np.einsum("mrcp,c->rmp", models.dA, state) + np.einsum("mrcp,c->rmp", models.dB, inputs)
-    slopes = (weights[None, :, None] * forcing).reshape(A.shape[0], -1)
-    start_slope: Array = np.linalg.solve(np.eye(A.shape[0]) - A, slopes)
-    return np.asarray(state, dtype=np.float64), start_slope
+def equilibrium(models: BlendedModels, experiment: Experiment) -> tuple[Array, Array]:
+    """Return the steady state (n,) for the first inputs, and the slopes (n, columns) of what is observed."""
+    scheduled, inputs = float(experiment.scheduling[0]), experiment.inputs[0]
+    weights, slopes = np.asarray(experiment.blend[0] if experiment.blend.size else 0.0), None
+    state = np.zeros(models.A.shape[1])
+    for _ in range(_START_PASSES):
+        before = state[models.deviation_state]
+        if models.positions.size:
+            weights, slopes = models.weights_at(scheduled + models.gain * before)
+        A, B = np.tensordot(weights, models.A, 1), np.tensordot(weights, models.B, 1)
+        owned = weights @ models.shares
+        u = inputs - owned @ models.input_offsets if models.input_offsets.size else inputs
+        rest = np.eye(A.shape[0]) - A
+        state = np.linalg.solve(rest, B @ u)
+        if models.gain == 0.0 or state[models.deviation_state] == before:
+            break
+    forcing = np.einsum("arcp,c->arp", models.dA, state) + np.einsum("arcp,c->arp", models.dB, u)
+    parts = [np.einsum("a,am,arp->rmp", weights, models.shares, forcing)]
+    if models.input_offsets.size:
+        parts.append(-np.einsum("m,ro->rmo", owned, B))
+    if models.output_offsets.size:
+        parts.append(np.zeros((len(state), len(owned), models.output_offsets.shape[1])))
+    common = np.einsum("a,acp,arp->rc", weights, models.directions, forcing)
+    moved = np.hstack([np.concatenate(parts, axis=2).reshape(len(state), -1), common])
+    if slopes is not None and (models.gain != 0.0 or models.gain_column):
+        rate = np.tensordot(slopes, models.A, 1) @ state + np.tensordot(slopes, models.B, 1) @ u
+        rest[:, models.deviation_state] -= models.gain * rate
+        if models.gain_column:
+            moved = np.column_stack([moved, rate * state[models.deviation_state]])
+    start_slope = np.linalg.solve(rest, moved)
+    for entry in range(models.output_offsets.shape[1]):
+        per_model = models.dA.shape[-1] + models.offsets.shape[1]
+        first = models.dA.shape[-1] + models.input_offsets.shape[1] + entry
+        start_slope[entry, first::per_model][: len(owned)] = owned
+    return np.asarray(state, dtype=np.float64), np.asarray(start_slope)
 
 
 def run(
@@ -128,15 +227,17 @@ def run(
     observation: Observation,
     sensitivities: bool = False,
     simulate: bool = False,
+    jacobian: bool = False,
 ) -> Pass:
     """Simulate one experiment from the steady state of its first inputs, and compare it with the target.
 
     Args:
-        models: Local models.
+        models: What is interpolated.
         experiment: Data.
         observation: What is compared, and with which weights.
         sensitivities: Whether gradient and Gauss-Newton matrix are wanted (about ten times the work).
         simulate: Whether the simulated signals are wanted.
+        jacobian: Whether the Jacobian is wanted, N * q * columns numbers; implies `sensitivities`.
 
     Returns:
         The pass; if the simulation is no longer finite, its cost is infinite and the rest is not to be used.
@@ -146,59 +247,85 @@ def run(
             holds.
         BuildError: The recursion cannot be compiled.
     """
-    if not sensitivities:
-        models = BlendedModels.without_slopes(models.A, models.B, models.g)
-    start, slopes = equilibrium(models, experiment.blend[0], experiment.inputs[0])
-    given = {**vars(models), "start": start, "start_slope": slopes}
-    given |= {"observation": observation.matrix, "weight": observation.weight, "factor": observation.factor}
-    given |= {"scheduling": experiment.scheduling, "input": experiment.inputs}
-    given |= {"blend": experiment.blend, "target": experiment.target}
-    arrays = {name: np.ascontiguousarray(given[name], dtype=np.float64) for name in _ARRAYS}
-    sizes = _sizes(arrays)
+    wanted = sensitivities or jacobian
+    if not wanted:
+        models = models.plain
+    arrays, sizes = _prepared(models, experiment, observation)
     problem = _Problem(
-        *(sizes[name] for name in _SIZES), *(arrays[name].ctypes.data_as(_Pointer) for name in _ARRAYS)
+        *(sizes[name] for name in _SIZES),
+        models.gain,
+        *(arrays[name].ctypes.data_as(_Pointer) for name in _ARRAYS),
     )
-    columns = sizes["models"] * sizes["parameters"]
+    columns, shape = models.columns, arrays["target"].shape
     library = _library()
     scratch = np.empty(library.output_error_scratch(ctypes.byref(problem)))
-    simulated = np.empty(arrays["target"].shape if simulate else (0, sizes["observed"]))
-    gradient, gram, cost = np.empty(columns), np.empty((columns, columns)), ctypes.c_double()
+    simulated = np.empty(shape if simulate else (0, shape[1]))
+    slopes = np.empty((*shape, columns) if jacobian else (0, shape[1], columns))
+    gradient, gram, cost = np.zeros(columns), np.zeros((columns, columns)), ctypes.c_double()
     status = library.output_error(
         ctypes.byref(problem),
         scratch.ctypes.data_as(_Pointer),
         simulated.ctypes.data_as(_Pointer) if simulate else None,
         ctypes.byref(cost),
-        *(array.ctypes.data_as(_Pointer) if sensitivities else None for array in (gradient, gram)),
+        *(array.ctypes.data_as(_Pointer) if wanted else None for array in (gradient, gram)),
+        slopes.ctypes.data_as(_Pointer) if jacobian else None,
     )
     if status < 0:
         what = "has more states or signals than the compiled recursion holds"
         raise IdentificationError.of("output error", what, "Raise MAXIMUM_STATES and MAXIMUM_OBSERVED")
     value = cost.value if status == 0 else float("inf")
-    return Pass(value, gradient, np.triu(gram) + np.triu(gram, 1).T, simulated)
+    return Pass(value, gradient, np.triu(gram) + np.triu(gram, 1).T, simulated, slopes)
 
 
-def _sizes(arrays: dict[str, Array]) -> dict[str, int]:
+def _prepared(
+    models: BlendedModels, experiment: Experiment, observation: Observation
+) -> tuple[dict[str, Array], dict[str, int]]:
+    """Return arrays and sizes as the compiled recursion wants them."""
+    given = {name: getattr(models, name) for name in ("A", "B", "g", "dA", "dB", "dg", "shares", "positions")}
+    given["directions"] = models.directions
+    given |= {"offsets": models.offsets, "observation": observation.matrix, "weight": observation.weight}
+    given |= {"factor": observation.factor, "scheduling": experiment.scheduling, "input": experiment.inputs}
+    given |= {"blend": experiment.blend, "target": experiment.target}
+    sizes = _sizes(given, models)
+    given["start"], given["start_slope"] = equilibrium(models, experiment)
+    return {name: np.ascontiguousarray(given[name], dtype=np.float64) for name in _ARRAYS}, sizes
+
+
+def _sizes(arrays: dict[str, Array], models: BlendedModels) -> dict[str, int]:
     """Return the sizes; raises IdentificationError unless every array has the shape they say."""
     count, observed = arrays["target"].shape
-    models, states, others, parameters = arrays["dB"].shape
-    rank = arrays["factor"].shape[0]
+    kinds, states, others, parameters = arrays["dB"].shape
+    local_models, rank = arrays["shares"].shape[1], arrays["factor"].shape[0]
+    nodes = models.positions.size > 0
     shapes: dict[str, tuple[int, ...]] = {
-        **{"A": (models, states, states), "B": (models, states, others), "g": (models, states)},
-        **{"dA": (models, states, states, parameters), "dg": (models, states, parameters)},
+        **{"A": (kinds, states, states), "B": (kinds, states, others), "g": (kinds, states)},
+        **{"dA": (kinds, states, states, parameters), "dg": (kinds, states, parameters)},
         **{"observation": (observed, states), "weight": (observed,), "factor": (rank, states)},
-        **{"scheduling": (count,), "input": (count, others), "blend": (count, models)},
+        **{"scheduling": (count,), "input": (count, others), "shares": (kinds, local_models)},
+        **{"offsets": (local_models, arrays["offsets"].shape[1])},
+        **{"directions": (kinds, arrays["directions"].shape[1], parameters)},
+        **({"positions": (kinds,)} if nodes else {"blend": (count, kinds)}),
     }
     wrong = [
         f"{name} has shape {arrays[name].shape}, not {shape}"
         for name, shape in shapes.items()
         if arrays[name].shape != shape
     ]
+    if models.input_offsets.size and models.input_offsets.shape[1] != others:
+        wrong.append(f"input_offsets have {models.input_offsets.shape[1]} columns, not {others}")
+    if nodes and kinds < 2:
+        wrong.append("nodes are fewer than two")
+    if (models.gain != 0.0 or models.gain_column) and (not nodes or models.offsets.size):
+        wrong.append("a deviation that schedules needs nodes, and no offsets of local models")
     if wrong or count == 0:
         what = "; ".join(wrong) or "has no rows"
         raise IdentificationError.of(
             "output error", what, "Give arrays that belong to the same models and data"
         )
-    return dict(zip(_SIZES, (count, models, states, others, observed, rank, parameters), strict=True))
+    offsets = models.input_offsets.shape[1], models.output_offsets.shape[1]
+    values = (count, kinds, local_models, states, others, observed, rank, parameters, *offsets)
+    rest = int(nodes), models.deviation_state, arrays["directions"].shape[1], int(models.gain_column)
+    return dict(zip(_SIZES, (*values, *rest), strict=True))
 
 
 @functools.cache
@@ -208,5 +335,5 @@ def _library() -> ctypes.CDLL:
     library.output_error_scratch.restype = ctypes.c_long
     library.output_error_scratch.argtypes = [ctypes.POINTER(_Problem)]
     library.output_error.restype = ctypes.c_long
-    library.output_error.argtypes = [ctypes.POINTER(_Problem), _Pointer, _Pointer, *[_Pointer] * 3]
+    library.output_error.argtypes = [ctypes.POINTER(_Problem), _Pointer, _Pointer, *[_Pointer] * 4]
     return library

@@ -1,57 +1,38 @@
-"""Mechanical surrogate structures: chains of three masses between the contact wire and a wall (thesis 3.4).
-
-    wire --k_E-- m_C --k_C,c_C-- m_H --k_L,c_L-- m_M --k_W,c_W-- wall;  torque M_pa on m_M by a lever r_M
-
-States, eq. 3.21: xi, xi_dot, zeta, zeta_dot, delta_M, delta_M_dot. Inputs: eta, M_pa. Outputs: the first
-four.
-"""
+"""The named surrogate structures: which coefficients of the chain of masses are free, within which bounds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from fmu_builder.errors import Problem, SettingsError
 from identification.arrays import Array
+from identification.surrogate.chain import (
+    INPUT_NAMES,
+    OUTPUT_MATRIX,
+    OUTPUT_NAMES,
+    STATE_NAMES,
+    Head,
+    LocalDynamics,
+    chain_matrices,
+    discretised,
+    slopes_by_complex_step,
+)
 
-STATE_NAMES = ("xi", "xi_dot", "zeta", "zeta_dot", "delta_M", "delta_M_dot")
-OUTPUT_NAMES = STATE_NAMES[:4]
-INPUT_NAMES = ("eta", "M_pa")
-OUTPUT_MATRIX: Array = np.eye(len(OUTPUT_NAMES), len(STATE_NAMES))
-"""C of eq. 3.24 without the two rows of delta_M, which has no counterpart in the reference (Remark 4.4.1)."""
-
-_SCALE: Array = np.array([1.0, 128.0, 1.0, 128.0, 1.0, 128.0, 1.0, 1.0])  # rad/s between positions and rates
-_COMPLEX_STEP = 1e-40  # exact for rational entries: nothing is subtracted
-
-
-@dataclass(frozen=True)
-class Head:
-    """The collector head, a known linear one-mass oscillator (eq. 3.14-3.15).
-
-    Attributes:
-        m_C: Mass, kg.
-        k_C: Stiffness between head and lower framework, N/m.
-        c_C: Damping between head and lower framework, N.s/m.
-        k_E: Contact stiffness between wire and head, N/m.
-    """
-
-    m_C: float
-    k_C: float
-    c_C: float
-    k_E: float
-
-    def __post_init__(self) -> None:
-        problems = [
-            Problem(f"collector head {name}", f"is {value!r}", "Give a finite number greater than zero")
-            for name, value in asdict(self).items()
-            if not (np.isfinite(value) and value > 0.0)
-        ]
-        if problems:
-            raise SettingsError(problems)
+__all__ = [
+    "INPUT_NAMES",
+    "OUTPUT_MATRIX",
+    "OUTPUT_NAMES",
+    "STATE_NAMES",
+    "STRUCTURES",
+    "Head",
+    "LocalDynamics",
+    "Parameter",
+    "Structure",
+]
 
 
 @dataclass(frozen=True)
@@ -64,9 +45,11 @@ class Parameter:
         description: What it is.
         lower: Lower bound (Table 4.2).
         upper: Upper bound (Table 4.2).
-        scaling: Coordinate of the search: `log` for parameters that cannot be negative, else `linear`.
+        scaling: Coordinate of the search and of the blend over the height: `log` for parameters that cannot
+            be negative, else `linear`.
         size: A small value. `log`: takes the place of a lower bound of zero, and has no visible effect.
             `linear`: the unit of the search coordinate.
+        usual: Where a pantograph's value may be looked for when nothing is known: random starts.
     """
 
     name: str
@@ -76,60 +59,81 @@ class Parameter:
     upper: float
     scaling: Literal["log", "linear"] = "log"
     size: float = 1.0
+    usual: tuple[float, float] | None = None
+
+    def searched(self, value: float) -> float:
+        """Return the coordinate of the search of one value."""
+        return float(np.log(max(value, self.size * 1e-300))) if self.scaling == "log" else value / self.size
 
     @property
     def search_bounds(self) -> tuple[float, float]:
         """Lower and upper bound in the coordinate of the search."""
-        if self.scaling == "log":
-            return float(np.log(self.lower if self.lower > 0.0 else self.size)), float(np.log(self.upper))
-        return self.lower / self.size, self.upper / self.size
+        low = self.size if self.scaling == "log" and self.lower <= 0.0 else self.lower
+        return self.searched(low), self.searched(self.upper)
+
+    @property
+    def start_bounds(self) -> tuple[float, float]:
+        """Ends of the random starts in the coordinate of the search."""
+        low, high = self.search_bounds
+        if self.usual is None:
+            return low, high
+        return max(low, self.searched(self.usual[0])), min(high, self.searched(self.usual[1]))
 
 
 _M_H = Parameter("m_H", "kg", "mass of the upper part of the lower framework, at the head spring", 5.0, 50.0)
 _M_M = Parameter(
     "m_M", "kg", "mass of the lower part of the lower framework, driven by the torque", 5.0, 50.0
 )
-_K_L = Parameter("k_L", "N/m", "stiffness between m_H and m_M", 0.0, 1e7, size=0.1)
-_C_L = Parameter("c_L", "N.s/m", "damping between m_H and m_M", 1e-3, 2e5)
-_R_M = Parameter("r_M", "m", "lever arm of the torque on m_M", 1e-3, 0.6)
-_K_W = Parameter("k_W", "N/m", "stiffness between m_M and the wall", 0.0, 1e7, size=0.1)
-_C_W = Parameter("c_W", "N.s/m", "damping between m_M and the wall", 0.0, 2e5, size=1e-2)
+_K_L = Parameter("k_L", "N/m", "stiffness between m_H and m_M", 0.0, 1e7, size=0.1, usual=(300.0, 3e5))
+_C_L = Parameter("c_L", "N.s/m", "damping between m_H and m_M", 1e-3, 2e5, usual=(0.3, 1000.0))
+_R_M = Parameter("r_M", "m", "lever arm of the torque on m_M", 1e-3, 0.6, usual=(0.03, 0.6))
+_K_W = Parameter("k_W", "N/m", "stiffness between m_M and the wall", 0.0, 1e7, size=0.1, usual=(1.0, 2e4))
+_C_W = Parameter("c_W", "N.s/m", "damping between m_M and the wall", 0.0, 2e5, size=1e-2, usual=(0.1, 3e3))
 _M_C = Parameter("m_C", "kg", "mass of the collector head", 1.0, 30.0)
-_K_C = Parameter("k_C", "N/m", "stiffness of the collector head suspension", 1e-7, 1e7)
-_C_C = Parameter("c_C", "N.s/m", "damping of the collector head suspension", 1e-3, 2e5)
+_K_C = Parameter("k_C", "N/m", "stiffness of the collector head suspension", 1e-7, 1e7, usual=(1e3, 1e5))
+_C_C = Parameter("c_C", "N.s/m", "damping of the collector head suspension", 1e-3, 2e5, usual=(1.0, 300.0))
 
-
-@dataclass(frozen=True)
-class LocalDynamics:
-    """A discretised chain and its exact derivatives to the P free parameters.
-
-    Attributes:
-        A, B: System and input matrix in discrete time, (6, 6) and (6, 2).
-        g: State per unit of eta at rest, (I - A)^-1 B_eta, (6,).
-        dA, dB, dg: Their derivatives, parameter first: (P, 6, 6), (P, 6, 2), (P, 6).
-    """
-
-    A: Array
-    B: Array
-    g: Array
-    dA: Array
-    dB: Array
-    dg: Array
+# The crossbar alone may be light; the torque acts through the linkage, not by a lever below 0.6 m; and
+# a frame in neutral balance has stiffness and damping to the wall of either sign.
+_LIGHT = (
+    replace(_M_H, lower=0.3, usual=(0.5, 30.0)),
+    replace(_M_M, lower=0.3, usual=(1.0, 50.0)),
+    _K_L,
+    _C_L,
+    Parameter("b_M", "1/m", "force per torque on m_M, 1/r_M", 1e-3, 1e3, usual=(0.05, 10.0)),
+    Parameter("b_H", "1/m", "force per torque on m_H", -1e3, 1e3, "linear", 0.1, usual=(-0.5, 0.5)),
+    Parameter(
+        *("k_W", "N/m", "stiffness between m_M and the wall", -1e7, 1e7, "linear", 100.0),
+        usual=(-300.0, 300.0),
+    ),
+    Parameter(
+        *("c_W", "N.s/m", "damping between m_M and the wall", -2e5, 2e5, "linear", 10.0), usual=(-10.0, 30.0)
+    ),
+)
+_C_H = Parameter(
+    "c_H", "N.s/m", "damping between m_H and ground", -2e5, 2e5, "linear", 10.0, usual=(-10.0, 10.0)
+)
 
 
 @dataclass(frozen=True)
 class Structure:
     """A named chain: which of its coefficients are free, within which bounds.
 
-    A parameter is a coefficient of eq. 3.18-3.20 (m_C, k_C, c_C, m_H, m_M, k_L, c_L, k_W, c_W), or r_M or
-    b_M = 1/r_M (1/m; force b_M M_pa on m_M), b_H (1/m; force b_H M_pa on m_H) or c_H (damping between m_H
-    and ground). The last two are zero where they are not free. A coefficient of the head that is not free
-    comes from the head.
+    A parameter is a coefficient of the equations of motion (`chain`): m_C, k_C, c_C, m_H, m_M, k_L, c_L, k_W,
+    c_W, b_M (1/m), b_H (1/m), c_H; or r_M instead of b_M = 1/r_M. b_H and c_H are zero where they are not
+    free. A coefficient of the head that is not free comes from the head.
+
+    Attributes:
+        name: Key of `STRUCTURES`.
+        description: What distinguishes it, for a person.
+        parameters: The free parameters, in order.
+        diagram: The chain in one line, beneath it what acts on the masses.
     """
 
     name: str
     description: str
     parameters: tuple[Parameter, ...]
+    diagram: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -140,6 +144,12 @@ class Structure:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds in search coordinates, each (P,)."""
         pairs = np.array([parameter.search_bounds for parameter in self.parameters])
+        return pairs[:, 0].copy(), pairs[:, 1].copy()
+
+    @property
+    def start_bounds(self) -> tuple[Array, Array]:
+        """Ends of the random starts in search coordinates, each (P,)."""
+        pairs = np.array([parameter.start_bounds for parameter in self.parameters])
         return pairs[:, 0].copy(), pairs[:, 1].copy()
 
     def to_search(self, theta: Array) -> Array:
@@ -168,8 +178,17 @@ class Structure:
             columns.append(np.clip(value, parameter.lower, parameter.upper))
         return np.stack(columns, axis=-1)
 
+    def blended(self, theta: Array, shares: Array) -> Array:
+        """Return theta (K, P) blended over the search coordinates: log where a parameter cannot be negative.
+
+        Args:
+            theta: Parameters of the local models, (M, P).
+            shares: Weight of each at K places, (K, M); rows sum to 1 but may be negative.
+        """
+        return self.from_search(shares @ self.to_search(theta))
+
     def slope(self, theta: Array) -> Array:
-        """Return d theta / d search coordinate, (P,): theta itself for `log`."""
+        """Return d theta / d search coordinate, (..., P): theta itself for `log`."""
         sizes = np.array([parameter.size for parameter in self.parameters])
         log = np.array([parameter.scaling == "log" for parameter in self.parameters])
         slope: Array = np.where(log, theta, sizes)
@@ -180,12 +199,24 @@ class Structure:
         found: dict[str, str] = {}
         search = self.to_search(theta)
         for index, (low, high) in enumerate(zip(*self.bounds, strict=True)):
-            near = 1e-6 * (high - low)
+            near = 1e-6 * min(high - low, 10.0)
             if search[index] <= low + near:
                 found[self.parameters[index].name] = "lower"
             elif search[index] >= high - near:
                 found[self.parameters[index].name] = "upper"
         return found
+
+    def from_coefficients(self, values: Mapping[str, float], head: Head) -> Array:
+        """Return theta (P,) of coefficients by name, b_M = 1/r_M included; those of the head from the head.
+
+        Coefficients that this structure does not have are left out, those not given are zero.
+        """
+        given = {**asdict(head), **values}
+        if "b_M" in given and "r_M" not in given:
+            given["r_M"] = 1.0 / given["b_M"] if given["b_M"] != 0.0 else float("inf")
+        if "r_M" in given and "b_M" not in given:
+            given["b_M"] = 1.0 / given["r_M"]
+        return np.array([given.get(name, 0.0) for name in self.names])
 
     def coefficients(self, theta: npt.NDArray[Any], head: Head) -> dict[str, Any]:
         """Return every coefficient of the equations of motion for theta (..., P), real or complex."""
@@ -197,84 +228,29 @@ class Structure:
 
     def continuous(self, theta: npt.NDArray[Any], head: Head) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Return A (..., 6, 6) and B (..., 6, 2) of eq. 3.22-3.23 for theta (..., P), real or complex."""
-        return _chain(self.coefficients(theta, head), theta.shape[:-1], theta.dtype)
+        return chain_matrices(self.coefficients(theta, head), theta.shape[:-1], theta.dtype)
+
+    def continuous_slopes(self, theta: Array, head: Head) -> tuple[Array, Array]:
+        """Return dA (..., P, 6, 6) and dB (..., P, 6, 2), exact."""
+        return slopes_by_complex_step(lambda moved: self.continuous(moved, head), theta, len(self.parameters))
 
     def discretise(
         self, theta: Array, head: Head, sample_time: float, derivatives: bool = True
     ) -> LocalDynamics:
-        """Return the zero-order-hold discretisation (eq. 3.28) of one theta (P,) with exact derivatives.
+        """Return the zero-order-hold discretisation (eq. 3.28) of theta (..., P) with exact derivatives.
 
         Args:
-            theta: Parameters, (P,).
+            theta: Parameters, (..., P).
             head: The collector head.
             sample_time: Ts, s.
             derivatives: False leaves the derivatives empty (parameter axis of length 0).
         """
-        n, count = len(STATE_NAMES), len(self.parameters) if derivatives else 0
-        steps = theta + 1j * _COMPLEX_STEP * np.eye(count, len(theta))
-        A, B = self.continuous(theta, head)
-        dA, dB = (matrix.imag / _COMPLEX_STEP for matrix in self.continuous(steps, head))
-        # At rest continuous and discrete time agree, and I - A_discrete would cancel digits.
-        g = np.linalg.solve(-A, B[:, 0])
-        dg = np.linalg.solve(-A, (dA @ g + dB[:, :, 0]).T).T
-        size = n + len(INPUT_NAMES)
-        augmented, directions = np.zeros((size, size)), np.zeros((count, size, size))
-        augmented[:n, :n], augmented[:n, n:] = A, B
-        directions[:, :n, :n], directions[:, :n, n:] = dA, dB
-        held, slopes = exponential(augmented * sample_time, directions * sample_time, _SCALE)
-        A, B, dA, dB = held[:n, :n], held[:n, n:], slopes[:, :n, :n], slopes[:, :n, n:]
-        return LocalDynamics(A, B, g, dA, dB, dg)
+        count = len(self.parameters) if derivatives else 0
+        slopes = slopes_by_complex_step(lambda moved: self.continuous(moved, head), theta, count)
+        return discretised(self.continuous(theta, head), slopes, sample_time)
 
 
-def _chain(
-    v: Mapping[str, Any], shape: tuple[int, ...], dtype: npt.DTypeLike
-) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Return A and B of the chain, eq. 3.22 and 3.23, with the extensions b_H and c_H."""
-    A, B = np.zeros((*shape, 6, 6), dtype), np.zeros((*shape, 6, 2), dtype)
-    for position in (0, 2, 4):
-        A[..., position, position + 1] = 1.0
-    m_C, m_H, m_M = v["m_C"], v["m_H"], v["m_M"]
-    A[..., 1, 0], A[..., 1, 1] = -(v["k_E"] + v["k_C"]) / m_C, -v["c_C"] / m_C
-    A[..., 1, 2], A[..., 1, 3] = v["k_C"] / m_C, v["c_C"] / m_C
-    A[..., 3, 0], A[..., 3, 1] = v["k_C"] / m_H, v["c_C"] / m_H
-    A[..., 3, 2], A[..., 3, 3] = -(v["k_C"] + v["k_L"]) / m_H, -(v["c_C"] + v["c_L"] + v["c_H"]) / m_H
-    A[..., 3, 4], A[..., 3, 5] = v["k_L"] / m_H, v["c_L"] / m_H
-    A[..., 5, 2], A[..., 5, 3] = v["k_L"] / m_M, v["c_L"] / m_M
-    A[..., 5, 4], A[..., 5, 5] = -(v["k_L"] + v["k_W"]) / m_M, -(v["c_L"] + v["c_W"]) / m_M
-    B[..., 1, 0] = v["k_E"] / m_C
-    B[..., 3, 1], B[..., 5, 1] = v["b_H"] / m_H, v["b_M"] / m_M
-    return A, B
-
-
-def exponential(matrix: Array, directions: Array, scale: Array) -> tuple[Array, Array]:
-    """Return exp(X) and its derivatives L_p = d/ds exp(X + s E_p) at s = 0.
-
-    Scaling and squaring of the Taylor series and, term by term, of its derivative: T_k = T_{k-1} X / k,
-    L_k = (L_{k-1} X + T_{k-1} E) / k; doubling: L <- T L + L T, T <- T T.
-
-    Args:
-        matrix: X, (n, n).
-        directions: E, (P, n, n); P may be 0.
-        scale: Size of each state, (n,), powers of two (then scaling is exact): it keeps the norm, and with
-            it the number of doublings, small.
-    """
-    n = matrix.shape[0]
-    ratio = scale[None, :] / scale[:, None]
-    norm = np.abs(matrix * ratio).sum(axis=1).max()
-    doublings = max(0, int(np.ceil(np.log2(max(norm, 1e-300) / 0.5))))
-    X, E = matrix * ratio * 0.5**doublings, directions * ratio * 0.5**doublings
-    term, total = np.eye(n), np.eye(n)
-    slope_term, slope_total = np.zeros_like(E), np.zeros_like(E)
-    for k in range(1, 19):  # 0.5^19 / 19! is far below rounding
-        slope_term = (slope_term @ X + term @ E) / k
-        term = term @ X / k
-        slope_total, total = slope_total + slope_term, total + term
-    for _ in range(doublings):
-        slope_total = total @ slope_total + slope_total @ total
-        total = total @ total
-    return total / ratio, slope_total / ratio
-
-
+_CHAIN = "wire --k_E-- m_C --k_C,c_C-- m_H --k_L,c_L-- m_M --k_W,c_W-- wall"
 STRUCTURES: Mapping[str, Structure] = {
     structure.name: structure
     for structure in (
@@ -282,11 +258,25 @@ STRUCTURES: Mapping[str, Structure] = {
             "chain7",
             "three-mass oscillator with known collector head (eq. 3.35)",
             (_M_H, _M_M, _K_L, _C_L, _R_M, _K_W, _C_W),
+            f"{_CHAIN};  m_M: M_pa / r_M",
+        ),
+        Structure(
+            "chain8",
+            "three-mass oscillator whose torque also acts on the upper mass, frame in balance",
+            _LIGHT,
+            f"{_CHAIN};  m_M: b_M M_pa;  m_H: b_H M_pa",
+        ),
+        Structure(
+            "chain9",
+            "chain8 with a damper from the upper mass to ground: any framework of two degrees of freedom",
+            (*_LIGHT, _C_H),
+            f"{_CHAIN};  m_M: b_M M_pa;  m_H: b_H M_pa, c_H to ground",
         ),
         Structure(
             "chain10",
             "three-mass oscillator with free collector head (eq. 3.37)",
             (_M_H, _M_M, _K_L, _C_L, _R_M, _K_W, _C_W, _M_C, _K_C, _C_C),
+            f"{_CHAIN};  m_M: M_pa / r_M;  m_C, k_C, c_C free",
         ),
     )
 }

@@ -168,9 +168,12 @@ def _surrogate(
 ) -> Candidate:
     chosen = parameter_sets()[wbm]
     head = surrogate.Head(m_C=chosen["mC"], k_C=chosen["k_C"], c_C=chosen["c_C"], k_E=chosen["k_E"])
-    training = [item.data for item in data.select("whole_range", "train")]
-    result = surrogate.identify(local, training, head)
+    training, validation = (
+        [item.data for item in data.select("whole_range", split)] for split in ("train", "validation")
+    )
+    result = surrogate.identify(local, training, head, validation=validation)
     parameter_set = surrogate.network(identifier("surrogate", wbm), result, forces)
     route = "frequency response" + (", output error" if result.recommended == "tuned" else "")
     labels = _labels(wbm, parameter_set, structure=result.settings.structure, route=route)
-    return Candidate("surrogate, three masses, 7 parameters", parameter_set, labels, surrogate=result)
+    title = f"surrogate, three masses, {len(result.structure.parameters)} parameters"
+    return Candidate(title, parameter_set, labels, surrogate=result)

@@ -284,11 +284,14 @@ def _surrogate(
         mend = "Add a table [head] with m_C, k_C, c_C, k_E"
         raise SettingsError.of("head", "a surrogate needs the collector head, which is not identified", mend)
     head = surrogates.Head(**settings.head.model_dump())
-    training = [item.data for item in data.select("whole_range", "train")]
-    result = surrogates.identify(local, training, head, settings.surrogate)
+    training, validation = (
+        [item.data for item in data.select("whole_range", split)] for split in ("train", "validation")
+    )
+    result = surrogates.identify(local, training, head, settings.surrogate, validation)
     parameter_set = surrogates.network(settings.name, result, derived_outputs(settings))
     diagnostics = {
         "theta": f"{result.recommended} ({result.reason})",
+        "start": [fit.start + (f" ({fit.fallback})" if fit.fallback else "") for fit in result.responses],
         "at a bound": [dict(row) for row in result.at_bound(result.recommended)],
         "FIT on training data [%]": dict(result.fit_after),
     }

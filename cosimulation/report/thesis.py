@@ -45,6 +45,7 @@ N4SID_PARAMETER = PublishedFit(
 )
 _COUNTERPARTS = {
     ("surrogate", "parameter"): SURROGATE,
+    ("surrogate", "theta"): SURROGATE,
     ("n4sid", "output"): N4SID_OUTPUT,
     ("n4sid", "parameter"): N4SID_PARAMETER,
 }

@@ -1,21 +1,22 @@
 """Affine offsets of the local models (eq. 3.30-3.34): which of the fourteen can be identified.
 
-x+ = A (x - x0) + B (u - u0), y = C (x - x0) + y0, all blended. The outputs are linear in x0 (6),
-u0 (2) and y0 (6), so their Jacobian does not depend on their values, and its rank says what is redundant:
+x+ = A (x - x0) + B (u - u0), y = C (x - x0) + y0, all blended. The outputs are linear in x0 (6), u0 (2)
+and y0 (6), so their Jacobian does not depend on their values, and its condition says what is redundant:
 
 * y0 of delta_M and its rate act on nothing that is compared (Remark 4.4.1);
-* u0 of eta is a combination of the others: moving wire, head and masses by one length changes
-  nothing but the force of the wall;
-* of x0 and u0, two directions per local model are combinations of the rest, and six more, common to all
-  local models, only move the origin of the state. What remains of x0 are forces on all six states, three of
-  which would act on a position without a mass; they are fixed at zero.
+* for one local model all of x0 and u0 are combinations of the four other y0;
+* for several, y0 of the four outputs and u0 of the torque, one force on m_M, are well determined; u0 of eta
+  and x0 are nearly combinations of them (moving wire, head and masses by one length changes nothing but the
+  force of the wall; the origin of the state may lie anywhere), and with all of them the Jacobian is singular
+  in double precision.
 
-What is estimated, therefore: y0 of the four outputs and u0 of the torque, which is one force on m_M; the
-latter only where there are several local models, because for one alone y0 does the same.
+What is estimated, therefore: y0 of the four outputs, and u0 of the torque where there are several models.
+Everything else is fixed at zero.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,8 +60,8 @@ ALL_NAMES = (
 )
 """All fourteen, those first that are kept rather than the others."""
 
-_RANK = 1e-9
-"""Singular values below this, of columns of unit length, count as zero: there is a gap of many decades."""
+_ROUNDING = 1e-14
+"""Singular values below this fraction of the largest count as zero."""
 
 
 @dataclass(frozen=True)
@@ -68,17 +69,13 @@ class OffsetAnalysis:
     """What data can say about the offsets of M local models.
 
     Attributes:
-        rank: Number of identifiable directions of all 14 M offsets.
         silent: Offsets that act on nothing.
-        independent: Offsets that are not combinations of the ones before them in `ALL_NAMES` (all local
-            models of a name before the next name), by name: in how many local models.
-        singular_values: Of the Jacobian with columns of unit length, descending.
+        conditions: Name to condition number of the Jacobian, columns of unit length, of this offset and those
+            before it in `ALL_NAMES` of all local models; infinite where a column is a combination of others.
     """
 
-    rank: int
     silent: tuple[str, ...]
-    independent: dict[str, int]
-    singular_values: Array
+    conditions: Mapping[str, float]
 
 
 def analyse_offsets(A: Array, B: Array, weights: Array) -> OffsetAnalysis:
@@ -89,26 +86,20 @@ def analyse_offsets(A: Array, B: Array, weights: Array) -> OffsetAnalysis:
         B: Input matrices, (M, n, m).
         weights: Weight of every local model at every row, (N, M).
     """
-    jacobian = _jacobian(A, B, weights)
-    flat = jacobian.reshape(-1, jacobian.shape[-1])
-    length = np.linalg.norm(flat, axis=0)
-    scaled = flat / np.where(length > 0.0, length, 1.0)
-    triangle: Array = np.asarray(np.linalg.qr(scaled, mode="r"))
-    values: Array = np.asarray(np.linalg.svd(triangle, compute_uv=False), dtype=np.float64)
     models = len(A)
-    basis = np.zeros((triangle.shape[0], 0))
-    independent: dict[str, int] = dict.fromkeys(ALL_NAMES, 0)
-    for column in range(triangle.shape[1]):
-        rest = triangle[:, column] - basis @ (basis.T @ triangle[:, column])
-        rest = rest - basis @ (basis.T @ rest)
-        size = float(np.linalg.norm(rest))
-        if size > _RANK:
-            basis = np.column_stack([basis, rest / size])
-            independent[ALL_NAMES[column // models]] += 1
-    silent = tuple(
-        name for k, name in enumerate(ALL_NAMES) if not length[k * models : (k + 1) * models].any()
-    )
-    return OffsetAnalysis(int(np.sum(values > _RANK * values[0])), silent, independent, values)
+    jacobian = _jacobian(A, B, weights).reshape(-1, len(ALL_NAMES) * models)
+    length = np.linalg.norm(jacobian, axis=0)
+    triangle = np.asarray(np.linalg.qr(jacobian / np.where(length > 0.0, length, 1.0), mode="r"))
+    silent, conditions = [], {}
+    for index, name in enumerate(ALL_NAMES, start=1):
+        if not length[(index - 1) * models : index * models].any():
+            silent.append(name)
+            continue
+        values = np.linalg.svd(triangle[:, : index * models], compute_uv=False)
+        conditions[name] = (
+            float(values[0] / values[-1]) if values[-1] > _ROUNDING * values[0] else float("inf")
+        )
+    return OffsetAnalysis(tuple(silent), conditions)
 
 
 def _jacobian(A: Array, B: Array, weights: Array) -> Array:

@@ -52,7 +52,7 @@ class FrequencyResponseSettings(BaseModel):
     count: int = Field(60, ge=8)
     start: Literal["closed form", "random"] = "closed form"
     random_starts: int = Field(10, ge=0)
-    largest_error: float = Field(0.1, gt=0.0)
+    largest_error: float = Field(0.05, gt=0.0)
     seed: int = 0
     iterations: int = Field(200, ge=1)
     agreement: float = Field(1e-3, gt=0.0)

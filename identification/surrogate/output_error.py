@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from identification.arrays import Array
+from identification.surrogate.chain import INPUT_NAMES
 from identification.surrogate.least_squares import Iteration, minimise
 from identification.surrogate.problem import Free, NetworkParameters, OutputErrorProblem
 
@@ -105,13 +106,16 @@ def fit_output_error(
 def _box(problem: OutputErrorProblem, start: Array, free: Free) -> tuple[Array, Array]:
     """Return the bounds; what may not move has both of them where it is."""
     lower, upper = problem.bounds
-    if free == "all":
-        return lower, upper
-    moves = np.zeros(start.size, dtype=bool)
-    local = start.size - problem.schedule_size
+    moves = np.ones(start.size, dtype=bool)
+    rows = moves[: start.size - problem.schedule_size].reshape(problem.local_models, -1)  # a view
+    count = len(problem.structure.parameters)
+    if free != "all":
+        rows[:, :count] = False
     if free == "schedule":
-        moves[local:] = True
-    else:
-        moves[:local].reshape(problem.local_models, -1)[:, len(problem.structure.parameters) :] = True
+        rows[:, count:] = False
+    if free == "offsets":
+        moves[start.size - problem.schedule_size :] = False
+    if problem.affine and problem.local_models == 1:  # y0 does the same
+        rows[:, count : count + len(INPUT_NAMES)] = False
     inside = np.clip(start, lower, upper)
     return np.where(moves, lower, inside), np.where(moves, upper, inside)

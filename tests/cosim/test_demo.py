@@ -16,7 +16,7 @@ from identification.scores import FIELDS, recommendation_problems
 ROOT = Path(__file__).resolve().parents[2]
 COMPARED = {
     ("linear", None): "subtracted after the simulation",
-    ("surrogate", "parameter"): "scheduled_equilibrium",
+    ("surrogate", "theta"): "scheduled_equilibrium",
     ("n4sid", "output"): "low_pass",
     ("n4sid", "parameter"): "scheduled_equilibrium",
 }

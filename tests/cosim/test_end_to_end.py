@@ -39,7 +39,7 @@ def test_n4sid_reaches_its_bound_on_unseen_data(blow: WholePath) -> None:
 
 
 def test_the_surrogate_predicts_the_contact_force(blow: WholePath) -> None:
-    assert fits(blow, "pantograph_surrogate_blow")["F_p"] >= 70.0  # better than the thesis's 63.3
+    assert fits(blow, "pantograph_surrogate_blow")["F_p"] >= 99.0  # twelve seconds per height
 
 
 def test_the_thesis_configuration_runs(blow: WholePath) -> None:

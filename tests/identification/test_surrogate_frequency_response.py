@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fmu_builder.errors import IdentificationError
 from identification.local_model import LocalModel
 from identification.surrogate import frequency_response
+from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, Head
 from identification.surrogate.frequency_response import (
     FrequencyResponseFit,
     FrequencyResponseSettings,
@@ -16,7 +19,7 @@ from identification.surrogate.frequency_response import (
     local_response,
     response_weights,
 )
-from identification.surrogate.structure import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, STRUCTURES, Head
+from identification.surrogate.structure import STRUCTURES
 from tolerances import SURROGATE_RECOVERY
 
 HEAD = Head(m_C=5.609, k_C=10384.8, c_C=32.0, k_E=1e5)
@@ -48,10 +51,7 @@ def spectrum(frequencies: np.ndarray) -> np.ndarray:
 
 def fit(model: LocalModel, name: str = "chain7", head: Head = HEAD, **changes) -> FrequencyResponseFit:
     settings = SETTINGS.model_copy(update=changes)
-    frequencies = settings.frequencies()
-    response = local_response(model, frequencies)
-    weights = response_weights(response, spectrum(frequencies), frequencies)
-    return fit_frequency_response(response, weights, STRUCTURES[name], head, TS, settings)
+    return fit_frequency_response(model, spectrum(settings.frequencies()), STRUCTURES[name], head, settings)
 
 
 def test_a_known_plant_is_recovered_in_any_basis() -> None:
@@ -59,7 +59,8 @@ def test_a_known_plant_is_recovered_in_any_basis() -> None:
     np.testing.assert_allclose(found.theta, PLANT, rtol=SURROGATE_RECOVERY)
     assert found.relative_error < 1e-8  # what a random basis costs in rounding
     assert not found.at_bound
-    assert found.starts == 4 and 1 <= found.agreed <= 4 and len(found.costs) == 4
+    assert found.start == "closed form" and not found.fallback
+    assert found.starts == found.agreed == len(found.costs) == 1
 
 
 def test_the_head_is_recovered_when_it_is_free() -> None:
@@ -85,21 +86,35 @@ def test_a_plant_outside_the_bounds_ends_at_them_and_is_flagged(name: str, facto
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_seed_other_starts() -> None:
-    first, again, other = (fit(black_box(PLANT), seed=seed, iterations=5) for seed in (0, 0, 1))
-    assert first.costs == again.costs
-    assert first.costs[:2] == other.costs[:2] and first.costs[2:] != other.costs[2:]
+    first, again, other = (
+        fit(black_box(PLANT), seed=seed, iterations=5, start="random") for seed in (0, 0, 1)
+    )
+    assert first.costs == again.costs and first.costs != other.costs
+    assert list(first.costs) == ["random 1", "random 2"]
+    assert first.start == "random" and "not asked for" in first.fallback
 
 
 def test_more_starts_can_be_given() -> None:
-    frequencies = SETTINGS.frequencies()
-    response = local_response(black_box(PLANT), frequencies)
-    weights = response_weights(response, spectrum(frequencies), frequencies)
+    settings = SETTINGS.model_copy(update={"iterations": 4, "random_starts": 0, "start": "random"})
     found = fit_frequency_response(
-        *(response, weights, STRUCTURES["chain7"], HEAD, TS),
-        SETTINGS.model_copy(update={"iterations": 4, "random_starts": 0}),
+        *(black_box(PLANT), spectrum(settings.frequencies()), STRUCTURES["chain7"], HEAD),
+        settings,
         {"neighbour": PLANT * 1.01},
     )
-    assert found.best_start == "neighbour" and found.starts == 3
+    assert found.best_start == found.start == "neighbour" and found.starts == 1
+
+
+def test_random_starts_are_only_drawn_where_the_closed_form_fails() -> None:
+    outside = PLANT * np.array([0.4, 1, 1, 1, 1, 1, 1])  # m_H 3.2 kg, below its bound
+    found = fit(black_box(outside))
+    assert "bound of m_H" in found.fallback or "relative error" in found.fallback
+    assert list(found.costs) == ["closed form", "random 1", "random 2"]
+    noise = np.random.default_rng(2).normal(size=(6, 6)) * 0.3
+    strange = replace(
+        black_box(PLANT), A=-0.5 * np.eye(6) + 0.01 * noise
+    )  # no continuous-time model behind it
+    assert "no chain" in fit(strange).fallback
+    assert fit(strange).start == "random"
 
 
 def test_gradient_and_gauss_newton_matrix_against_differences() -> None:
@@ -165,7 +180,7 @@ def test_a_model_without_the_signals_is_refused() -> None:
 
 
 def test_a_response_without_sense_is_refused() -> None:
-    frequencies = SETTINGS.frequencies()
-    response = np.full((frequencies.size, 4, 2), np.nan + 0j)
-    with pytest.raises(IdentificationError, match="no start"):
-        fit_frequency_response(response, np.ones(response.shape), STRUCTURES["chain7"], HEAD, TS, SETTINGS)
+    settings = SETTINGS.model_copy(update={"random_starts": 0})
+    silent = replace(black_box(PLANT), C=np.zeros((4, 6)))
+    with np.errstate(all="ignore"), pytest.raises(IdentificationError, match="no start"):
+        fit_frequency_response(silent, spectrum(settings.frequencies()), STRUCTURES["chain7"], HEAD, settings)

@@ -11,25 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmu_builder.errors import SettingsError
-from identification.surrogate.structure import STRUCTURES, Head, Parameter, Structure
+from identification.surrogate.chain import Head
+from identification.surrogate.structure import STRUCTURES, Structure
 from tolerances import SURROGATE_EQUILIBRIUM, SURROGATE_EXPONENTIAL
 
 HEAD = Head(m_C=5.609, k_C=10384.8, c_C=32.0, k_E=1e5)
 CHAIN7, CHAIN10 = STRUCTURES["chain7"], STRUCTURES["chain10"]
 PLANT = np.array([8.0, 14.0, 25343.9, 25.0, 0.3, 1200.0, 30.0])
-# What a later structure looks like: the torque also lifts m_H, some coefficients may be negative.
-EXTENDED = Structure(
-    "extended",
-    "torque on both lower masses",
-    (
-        *CHAIN7.parameters[:4],
-        Parameter("b_M", "1/m", "force per torque on m_M", 0.01, 1000.0),
-        Parameter("k_W", "N/m", "stiffness to the wall", -1e4, 1e4, "linear", 100.0),
-        Parameter("c_W", "N.s/m", "damping to the wall", -50.0, 500.0, "linear"),
-        Parameter("c_H", "N.s/m", "damping of m_H to ground", -50.0, 50.0, "linear"),
-        Parameter("b_H", "1/m", "force per torque on m_H", -10.0, 10.0, "linear", 0.1),
-    ),
-)
+CHAIN8, CHAIN9 = STRUCTURES["chain8"], STRUCTURES["chain9"]
+EVERY = pytest.mark.parametrize("structure", STRUCTURES.values(), ids=STRUCTURES)
 
 
 def springs_and_dampers(
@@ -61,11 +51,11 @@ def second_order_state_space(values: dict[str, float]) -> tuple[np.ndarray, np.n
     return A[np.ix_(order, order)], B[order]
 
 
-@pytest.mark.parametrize("structure", [CHAIN7, CHAIN10, EXTENDED], ids=lambda one: one.name)
+@EVERY
 @settings(max_examples=25, deadline=None)
 @given(place=st.lists(st.floats(0.02, 0.98), min_size=10, max_size=10))
 def test_matrices_are_those_of_springs_and_dampers(structure: Structure, place: list[float]) -> None:
-    lower, upper = structure.bounds
+    lower, upper = structure.start_bounds
     theta = structure.from_search(lower + (upper - lower) * np.array(place[: len(lower)]))
     values = {"m_C": HEAD.m_C, "k_C": HEAD.k_C, "c_C": HEAD.c_C, "k_E": HEAD.k_E}
     values |= dict(zip(structure.names, theta.tolist(), strict=True))
@@ -89,7 +79,7 @@ def test_entries_of_equation_3_22() -> None:
 
 
 def theta_inside(structure: Structure, seed: int) -> np.ndarray:
-    lower, upper = structure.bounds
+    lower, upper = structure.start_bounds
     return structure.from_search(np.random.default_rng(seed).uniform(lower, upper))
 
 
@@ -109,7 +99,7 @@ def exact_exponential(matrix: np.ndarray, direction: np.ndarray) -> tuple[np.nda
     return table[:, :8], table[:, 8:]
 
 
-@pytest.mark.parametrize("structure", [CHAIN7, CHAIN10, EXTENDED], ids=lambda one: one.name)
+@EVERY
 @pytest.mark.parametrize("seed", [None, 2])
 def test_discretisation_and_its_derivatives(structure: Structure, seed: int | None) -> None:
     theta = structure.from_search(structure.to_search(np.resize(PLANT, len(structure.names))))
@@ -158,7 +148,7 @@ def test_without_derivatives_the_matrices_are_the_same() -> None:
     assert plain.dA.shape == (0, 6, 6)
 
 
-@pytest.mark.parametrize("structure", [CHAIN7, CHAIN10, EXTENDED], ids=lambda one: one.name)
+@EVERY
 def test_search_coordinates_go_there_and_back(structure: Structure) -> None:
     theta = np.stack([theta_inside(structure, seed) for seed in (4, 5, 6)])
     back = structure.from_search(structure.to_search(theta))
@@ -194,3 +184,51 @@ def test_an_impossible_head_is_refused_with_all_problems() -> None:
     with pytest.raises(SettingsError) as caught:
         Head(m_C=-1.0, k_C=float("nan"), c_C=32.0, k_E=1e5)
     assert len(caught.value.problems) == 2
+
+
+def test_bounds_of_the_balanced_frame() -> None:
+    assert CHAIN9.names == (*CHAIN8.names, "c_H")
+    bounds = {one.name: (one.lower, one.upper) for one in CHAIN9.parameters}
+    assert bounds["m_H"] == (0.3, 50.0)
+    assert (bounds["k_L"], bounds["c_L"]) == ((0.0, 1e7), (1e-3, 2e5))
+    for name in ("b_H", "k_W", "c_W", "c_H"):
+        assert bounds[name][0] == -bounds[name][1] < 0.0
+    assert all(one.scaling == ("linear" if one.lower < 0.0 else "log") for one in CHAIN9.parameters)
+
+
+def test_several_chains_at_once_are_each_by_itself() -> None:
+    theta = np.stack([theta_inside(CHAIN8, seed) for seed in (1, 2, 3)])
+    together = CHAIN8.discretise(theta, HEAD, 1e-3)
+    for index, row in enumerate(theta):
+        alone = CHAIN8.discretise(row, HEAD, 1e-3)
+        for name in ("A", "B", "g", "dA", "dB", "dg"):
+            mine, one = getattr(together, name)[index], getattr(alone, name)
+            assert np.abs(mine - one).max() <= SURROGATE_EXPONENTIAL * np.abs(one).max() * 10.0, name
+
+
+def test_the_blend_is_geometric_for_positive_and_linear_for_free_signs() -> None:
+    theta = np.array(
+        [[2.0, 9.0, 9000.0, 1.0, 0.3, -0.1, -20.0, 5.0], [8.0, 4.0, 1000.0, 4.0, 0.2, 0.3, 40.0, -3.0]]
+    )
+    middle, beyond = CHAIN8.blended(theta, np.array([[0.5, 0.5], [1.5, -0.5]]))
+    np.testing.assert_allclose(middle, [4.0, 6.0, 3000.0, 2.0, np.sqrt(0.06), 0.1, 10.0, 1.0], rtol=1e-14)
+    np.testing.assert_allclose(beyond[[0, 5, 6]], [1.0, -0.3, -50.0], rtol=1e-13)
+
+
+def test_coefficients_of_another_structure_become_theta() -> None:
+    values = {
+        "m_H": 8.0,
+        "m_M": 14.0,
+        "k_L": 2e4,
+        "c_L": 25.0,
+        "b_M": 2.5,
+        "b_H": 0.3,
+        "k_W": 9.0,
+        "c_W": 3.0,
+    }
+    np.testing.assert_array_equal(CHAIN8.from_coefficients(values, HEAD), list(values.values()))
+    assert dict(zip(CHAIN10.names, CHAIN10.from_coefficients(values, HEAD), strict=True)) == {
+        **{"m_H": 8.0, "m_M": 14.0, "k_L": 2e4, "c_L": 25.0, "r_M": 0.4, "k_W": 9.0, "c_W": 3.0},
+        **{"m_C": HEAD.m_C, "k_C": HEAD.k_C, "c_C": HEAD.c_C},
+    }
+    assert CHAIN8.from_coefficients({"r_M": 0.25}, HEAD)[CHAIN8.names.index("b_M")] == 4.0

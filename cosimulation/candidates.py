@@ -168,9 +168,8 @@ def _surrogate(
 ) -> Candidate:
     chosen = parameter_sets()[wbm]
     head = surrogate.Head(m_C=chosen["mC"], k_C=chosen["k_C"], c_C=chosen["c_C"], k_E=chosen["k_E"])
-    training, validation = (
-        [item.data for item in data.select("whole_range", split)] for split in ("train", "validation")
-    )
+    training = [item.data for item in data.select("whole_range", "train")]
+    validation = [item.data for item in data.having("whole_range", "validation")]
     result = surrogate.identify(local, training, head, validation=validation)
     parameter_set = surrogate.network(identifier("surrogate", wbm), result, forces)
     route = "frequency response" + (", output error" if result.recommended == "tuned" else "")

@@ -284,9 +284,8 @@ def _surrogate(
         mend = "Add a table [head] with m_C, k_C, c_C, k_E"
         raise SettingsError.of("head", "a surrogate needs the collector head, which is not identified", mend)
     head = surrogates.Head(**settings.head.model_dump())
-    training, validation = (
-        [item.data for item in data.select("whole_range", split)] for split in ("train", "validation")
-    )
+    training = [item.data for item in data.select("whole_range", "train")]
+    validation = [item.data for item in data.having("whole_range", "validation")]
     result = surrogates.identify(local, training, head, settings.surrogate, validation)
     parameter_set = surrogates.network(settings.name, result, derived_outputs(settings))
     diagnostics = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -300,6 +301,12 @@ def test_the_recommendation_is_judged_on_validation_data() -> None:
     unaware = surrogate.identify(models, [spoiled], HEAD, settings)
     assert unaware.recommended == "tuned" and unaware.recommendation.judged_on == "training"
     np.testing.assert_array_equal(misled.tuned, unaware.tuned)
+
+
+def test_the_thesis_route_of_the_documents_is_the_one_of_the_code() -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "settings.md").read_text(encoding="utf-8")
+    (block,) = [part.split("```")[0] for part in text.split("```toml\n") if "stages" in part.split("```")[0]]
+    assert SurrogateSettings(**tomllib.loads(block)["surrogate"]) == THESIS
 
 
 def test_the_thesis_route_goes_through_its_stages() -> None:

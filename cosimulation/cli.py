@@ -145,6 +145,26 @@ def build(
 
 
 @app.command()
+def check(
+    fmu: Annotated[list[Path], typer.Argument(help="FMUs (FMI 2.0), anybody's.", show_default=False)],
+    static: Annotated[
+        bool, typer.Option("--static", help="Look at the files only: run and compile nothing.")
+    ] = False,
+    time_limit: Annotated[
+        float, typer.Option(help="Of each experiment with the binary [s].", min=1.0)
+    ] = 60.0,
+    as_json: Json = False,
+) -> None:
+    """Say everything that keeps an FMU from dropping in anywhere; exit status 1 when there are errors."""
+    from cosimulation.check import check_files
+
+    result = check_files(fmu, static, time_limit, _reporter(as_json))
+    _print(result.summary(), as_json, result.text())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+@app.command()
 def validate(
     fmu: Annotated[Path, typer.Argument(help="The FMU to judge.", show_default=False)],
     data: Annotated[

@@ -21,7 +21,6 @@ _UNIT = 100.0
 """p = s / 100: the coefficients of the rational function come to one size."""
 _PASSES = 12
 """Passes of Sanathanan and Koerner (1963): each weights by the denominator of the one before."""
-_FIXED_POINT = 30
 
 
 def continuous_response(model: LocalModel, frequencies: Array) -> ComplexArray | None:
@@ -113,23 +112,40 @@ def _rational(values: ComplexArray, p: ComplexArray, weight: Array) -> tuple[Arr
 
 
 def _coefficients(n: Array, d: Array) -> dict[str, float] | None:
-    """Return the chain's coefficients from Z = n(s) / d(s), None where they are not those of a chain."""
+    """Return the chain's coefficients from Z = n(s) / d(s), None where they are not those of a chain.
+
+    With m_H = n4 the other coefficients leave one quadratic equation for k_L. Two chains may have the same Z;
+    the one that needs the smaller damper to ground is taken.
+    """
     m_H = n[4]
     total = n[3] - m_H * d[1]  # c_H + c_L
     stiffness = n[2] - m_H * d[0] - total * d[1]  # k_L - c_L^2 / m_M
-    mixed = n[1] - total * d[0]
-    k_L, rate, m_M = stiffness, 0.0, 0.0
-    for _ in range(_FIXED_POINT):
+    mixed = n[1] - total * d[0]  # k_L (d1 - 2 c_L / m_M)
+    quadratic = np.array(
+        [
+            4.0 * d[0] - d[1] ** 2,
+            2.0 * d[1] * mixed - 4.0 * n[0] - 4.0 * stiffness * d[0],
+            4.0 * stiffness * n[0] - mixed**2,
+        ]
+    )
+    found = []
+    for k_L in _real_roots(quadratic):
         m_M = k_L / (d[0] - n[0] / k_L)
-        rate = 0.5 * (d[1] - mixed / k_L)  # c_L / m_M
-        k_L = stiffness + rate**2 * m_M
-    c_L = rate * m_M
-    values = {
-        **{"m_H": m_H, "m_M": m_M, "k_L": k_L, "c_L": c_L, "k_W": d[0] * m_M - k_L},
-        **{"c_W": d[1] * m_M - c_L, "c_H": total - c_L},
-    }
-    usable = all(map(np.isfinite, values.values())) and min(m_H, m_M, k_L) > 0.0
-    return {name: float(value) for name, value in values.items()} if usable else None
+        c_L = 0.5 * (d[1] - mixed / k_L) * m_M
+        values = {
+            **{"m_H": m_H, "m_M": m_M, "k_L": k_L, "c_L": c_L, "k_W": d[0] * m_M - k_L},
+            **{"c_W": d[1] * m_M - c_L, "c_H": total - c_L},
+        }
+        if all(map(np.isfinite, values.values())) and min(m_H, m_M, k_L) > 0.0:
+            found.append({name: float(value) for name, value in values.items()})
+    return min(found, key=lambda one: abs(one["c_H"]), default=None)
+
+
+def _real_roots(quadratic: Array) -> tuple[float, ...]:
+    """Return the real roots other than zero; the real part of a complex pair, a double root with noise."""
+    if not np.all(np.isfinite(quadratic)):
+        return ()
+    return tuple(float(root) for root in set(np.roots(quadratic).real) if root != 0.0)
 
 
 def _levers(

@@ -70,7 +70,8 @@ class FrequencyResponseFit:
         theta: Parameters, (P,), in the order of the structure.
         relative_error: Weighted norm of the difference over that of the response fitted to.
         at_bound: Parameters at a bound, with `lower` or `upper`.
-        best_start: Name of the start that was best: `closed form`, `random K`, or that of an extra start.
+        best_start: Name of the first start that led to the lowest cost: that of an extra start, `closed form`
+            or `random K`.
         costs: Final cost of every start, by name.
         agreed: How many of them ended at the lowest cost.
         fallback: Why random starts were needed, empty if they were not.
@@ -184,9 +185,9 @@ def fit_frequency_response(
     if not finite:
         what = "no start of the frequency-response fit gives a finite cost"
         raise IdentificationError.of(structure.name, what, "Check the local model and the excitation")
-    best = min(finite, key=lambda name: minima[name].cost)
-    lowest = minima[best].cost
+    lowest = min(minima[name].cost for name in finite)
     within = lowest * (1.0 + settings.agreement) + 1e-12 * problem.size
+    best = next(name for name in finite if minima[name].cost <= within)
     theta = structure.from_search(minima[best].x)
     return FrequencyResponseFit(
         theta=theta,

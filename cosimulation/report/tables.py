@@ -190,7 +190,10 @@ def surrogate_tables(view: SetView) -> tuple[SurrogateTable, ...]:
                 cells = [Cell(number(value), repr(value)) for value in published]
                 rows.append(Row("thesis, Table 4.3", tuple(cells), "thesis"))
         errors = ", ".join(f"{100.0 * fit.relative_error:.1f} %" for fit in result.responses)
-        agreed = ", ".join(f"{fit.agreed} of {fit.starts}" for fit in result.responses)
+        starts = ", ".join(
+            f"{fit.start}, {fit.agreed} of {fit.starts} agree" if fit.fallback else fit.start
+            for fit in result.responses
+        )
         found.append(
             SurrogateTable(
                 title=model.title,
@@ -201,7 +204,7 @@ def surrogate_tables(view: SetView) -> tuple[SurrogateTable, ...]:
                 columns=tuple(f"LLM {index + 1}" for index in range(len(result.physical))),
                 rows=tuple(rows),
                 fit_errors=f"Relative error of the frequency-response fits: {errors}; "
-                f"starts that ended at the same optimum: {agreed}.",
+                f"what they started from: {starts}.",
             )
         )
     return tuple(found)

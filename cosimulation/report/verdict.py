@@ -112,7 +112,7 @@ def _surrogate(model: ModelView, best: ModelView, points: Sequence[OperatingPoin
         held = sum(len(row) for row in result.at_bound(result.recommended))
         if held:
             total = result.theta(result.recommended).size
-            facts.append(f"{held} of its {total} parameters stand at a bound of Table 4.2")
+            facts.append(f"{held} of its {total} parameters stand at a bound")
         if result.tuning is not None and not result.tuning.converged:
             facts.append("its tuning stopped at the iteration limit")
     lost = sum(None in point.models.get(model.title, ()) for point in points)

@@ -126,7 +126,7 @@ def _step(here: NormalEquations, free: npt.NDArray[np.bool_], damping: float, la
     step = np.zeros_like(here.gradient)
     gram, gradient = here.gram[np.ix_(free, free)], here.gradient[free]
     diagonal = np.diag(gram)
-    scale = np.sqrt(np.maximum(diagonal, 1e-30 * max(float(diagonal.max()), 1e-300)))
+    scale = np.sqrt(np.maximum(diagonal, max(1e-30 * float(diagonal.max()), 1e-200)))
     matrix = gram / np.outer(scale, scale) + damping * np.eye(len(scale))
     step[free] = np.linalg.lstsq(matrix, gradient / scale, rcond=1e-15)[0] / scale
     # Each coordinate by itself: one that is hardly determined must not hold back the others.

@@ -69,7 +69,7 @@ class Frame:
             DataError: Columns are missing.
         """
         observation = observation_matrix(self.head)
-        settings = self.settings
+        settings, several = self.settings, len(self.centres) > 1  # one model is the same at every height
         return OutputErrorProblem(
             STRUCTURES[settings.structure],
             self.head,
@@ -78,8 +78,8 @@ class Frame:
             Observation(observation, self.criterion),
             blend=self.theta_blend,
             affine=settings.offsets == "affine",
-            warp_free=settings.chosen_validity == "cubic_warp" and settings.warp == "tuned",
-            gain_free=settings.deviation_gain == "tuned",
+            warp_free=several and settings.chosen_validity == "cubic_warp" and settings.warp == "tuned",
+            gain_free=several and settings.deviation_gain == "tuned",
         )
 
     def _experiment(self, data: DataSet, observation: Array) -> Experiment:

@@ -336,6 +336,20 @@ def test_the_thesis_route_goes_through_its_stages() -> None:
         surrogate.identify(models, [training], HEAD, THESIS)
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_few_local_models_have_nothing_to_blend_or_little(count: int) -> None:
+    heights = n4sid.N4sidSettings(local_models=count).positions
+    local = [measured(operating_point_inputs(h, 1, (1, i), duration=8.0)) for i, h in enumerate(heights)]
+    training = measured(whole_range_inputs(1, (2, 0), duration=20.0))
+    models = n4sid.identify(local, n4sid.N4sidSettings(local_models=count))
+    result = surrogate.identify(models, [training], HEAD, SurrogateSettings(deviation_gain="tuned", **FAST))
+    network = surrogate.network("few", result, forces())
+    assert len(network.local_models) == count
+    assert (network.partition.deviation_gain == 0.0 and network.partition.warp == (0.0, 0.0)) or count > 1
+    outputs = simulate(network, training.matrix(("eta", "M_pa")))
+    assert fit_percent(training.column("F_p"), outputs[:, 5]) >= 99.9
+
+
 @pytest.mark.parametrize(
     ("changes", "word"),
     [

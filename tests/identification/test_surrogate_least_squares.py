@@ -79,3 +79,12 @@ def test_a_parameter_without_effect_does_not_stop_the_others() -> None:
     J = np.array([[2.0, 0.0], [1.0, 0.0]])
     found = search(lambda x: J @ x - np.array([4.0, 2.0]), lambda x: J, [0.0, 0.3], [-5, -5], [5, 5])
     np.testing.assert_allclose(found.x, [2.0, 0.3], atol=1e-8)
+
+
+def test_coordinates_that_move_nothing_stay_where_they_are() -> None:
+    flat = NormalEquations(2.0, np.zeros(3), np.zeros((3, 3)))
+    bounds = np.full(3, -1.0), np.full(3, 1.0)
+    with np.errstate(all="raise"):
+        found = minimise(lambda x: 2.0, lambda x: flat, np.full(3, 0.25), bounds, 5, 1e-6, 1.0)
+    np.testing.assert_array_equal(found.x, np.full(3, 0.25))
+    assert found.converged

@@ -1,7 +1,9 @@
 """Mechanical surrogates of the pantograph: physical parameters, tuned by output error."""
 
+from identification.surrogate.affine import OFFSETS, analyse_offsets
 from identification.surrogate.assembly import network, theta_nodes
 from identification.surrogate.chain import Head
+from identification.surrogate.exact import exact_chain9, lower_framework
 from identification.surrogate.frequency_response import FrequencyResponseFit, FrequencyResponseSettings
 from identification.surrogate.job import identify
 from identification.surrogate.output_error import OutputErrorFit, OutputErrorSettings
@@ -11,6 +13,7 @@ from identification.surrogate.settings import REASONED_START, THESIS, SurrogateS
 from identification.surrogate.structure import STRUCTURES, Parameter, Structure
 
 __all__ = [
+    "OFFSETS",
     "REASONED_START",
     "SIGNALS",
     "STRUCTURES",
@@ -28,7 +31,10 @@ __all__ = [
     "SurrogateResult",
     "SurrogateSettings",
     "Which",
+    "analyse_offsets",
+    "exact_chain9",
     "identify",
+    "lower_framework",
     "network",
     "theta_nodes",
 ]

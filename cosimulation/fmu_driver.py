@@ -41,6 +41,7 @@ class FmuInstance:
             )
             self.slave.instantiate(callbacks=self._callbacks)
         except Exception as reason:
+            forget(self)  # nobody closes what does not exist
             raise self._error(f"cannot be instantiated ({reason})") from reason
         self._references = {item.name: item.valueReference for item in description.modelVariables}
 
@@ -164,20 +165,32 @@ class FmuInstance:
             input_names: Real inputs of the FMU.
             output_names: Real variables to read.
             sample_time: Communication step [s].
-            start_values: Further start values.
+            start_values: Start values of variables that `inputs` do not drive.
             progress: Called now and then with the number of rows done since the last call.
 
         Returns:
             [N, len(output_names)] by the row rule of this module.
 
         Raises:
-            FmuError: A variable is missing or the FMU reports an error.
+            FmuError: A variable is missing, a start value is of a driven input, or the FMU reports an error.
         """
         self.fmu.require(input_names, "input", "Real")
         self.fmu.require(output_names, kind="Real")
+        self._refuse_driven(input_names, start_values or {})
         first = dict(zip(input_names, inputs[0].tolist(), strict=True))
         self.initialise({**(start_values or {}), **first})
         return self._loop(np.ascontiguousarray(inputs), input_names, output_names, sample_time, progress)
+
+    def _refuse_driven(self, input_names: Sequence[str], start_values: Mapping[str, StartValue]) -> None:
+        what = "is an input that the data drive, so it starts with their first row"
+        mend = "Leave it out of the start values"
+        found = [
+            Problem(f"{self.fmu.path.name}, start value {name} = {value}", what, mend)
+            for name, value in start_values.items()
+            if name in input_names
+        ]
+        if found:
+            raise FmuError(found)
 
     def _loop(
         self,

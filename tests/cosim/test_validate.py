@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cosim.whole_path import WholePath
+from cosimulation import fmu_log
 from cosimulation.fmu_driver import running_fmu
 from cosimulation.fmu_file import open_fmu, same_unit
 from cosimulation.validate import validate_fmu
@@ -77,6 +78,24 @@ def test_an_input_that_is_not_real_is_not_passed_over(blow: WholePath, tmp_path:
 def test_start_values_need_the_reference_they_are_of(blow: WholePath, tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="--start"):
         validate_fmu(blow.white_box, [recorded(tmp_path / "data.npz")], None, {"preset": "Blow"})
+
+
+@pytest.mark.parametrize("value", ["abc", 1.5])
+def test_a_start_value_of_an_input_that_the_data_drive_is_refused(
+    white_box: Path, tmp_path: Path, value: str | float
+) -> None:
+    data = recorded(tmp_path / "data.npz")
+    with pytest.raises(FmuError, match=f"start value eta = {value}: is an input that the data drive"):
+        validate_fmu(white_box, [data], white_box, {"preset": "Blow", "eta": value})
+
+
+def test_nobody_listens_to_an_instance_that_could_not_be_made(white_box: Path) -> None:
+    listening = dict(fmu_log._listeners)
+    with open_fmu(white_box) as fmu:
+        fmu.description.guid = "that of another model"
+        with pytest.raises(FmuError, match="cannot be instantiated"), running_fmu(fmu):
+            pass
+    assert fmu_log._listeners == listening
 
 
 @pytest.mark.parametrize(

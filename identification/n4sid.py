@@ -25,6 +25,9 @@ from identification.validity import cell_widths, equidistant_centres
 _OFF_CENTRE = 0.1
 """How far an experiment may be from its centre, in cells."""
 
+MOST_LOCAL_MODELS = 100
+"""Every one needs an experiment of its own; the thesis has up to eight."""
+
 
 class N4sidSettings(BaseModel):
     """What is identified from which signals; the defaults are the pantograph's."""
@@ -36,16 +39,22 @@ class N4sidSettings(BaseModel):
     scheduling: str = Field(default="eta", description="the input that schedules")
     low: float = Field(default=0.5, description="low end of the operating range")
     high: float = Field(default=2.5, description="high end of the operating range")
-    local_models: int = Field(default=4, ge=1, description="number of local models, centres equidistant")
+    local_models: int = Field(
+        default=4, ge=1, le=MOST_LOCAL_MODELS, description="number of local models, centres equidistant"
+    )
     centres: tuple[float, ...] | None = Field(
-        default=None, description="centres that are not equidistant; their number overrides local_models"
+        default=None,
+        max_length=MOST_LOCAL_MODELS,
+        description="centres that are not equidistant; their number overrides local_models",
     )
     operating_point: dict[str, float] = Field(
         default_factory=lambda: {"eta": 1.5, "M_pa": 1310.9}, description="start value of every input"
     )
     subspace: SubspaceSettings = SubspaceSettings()
     alignment: Alignment = Field(default="observability", description="way to common state coordinates")
-    alignment_horizon: int = Field(default=HORIZON, ge=2, description="samples compared for alignment")
+    alignment_horizon: int = Field(
+        default=HORIZON, ge=2, le=10_000, description="samples compared for alignment"
+    )
 
     @property
     def positions(self) -> Array:

@@ -28,7 +28,7 @@ from identification.blending import as_parts, blended, stacked
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.static_map import StaticMap
-from identification.validity import NODES, cell_widths, node_positions, weights
+from identification.validity import LARGEST_NODE_COUNT, NODES, cell_widths, node_positions, weights
 
 
 class NetworkSettings(BaseModel):
@@ -43,7 +43,9 @@ class NetworkSettings(BaseModel):
     warp: tuple[float, float] | Literal["tuned"] = Field(
         default="tuned", description="v0 and v1 of cubic_warp"
     )
-    nodes: int = Field(default=NODES, ge=2, description="of the table that cubics are compiled to")
+    nodes: int = Field(
+        default=NODES, ge=2, le=LARGEST_NODE_COUNT, description="of the table that cubics are compiled to"
+    )
     deviation_output: str | None = Field(default=None, description="output whose deviation also schedules")
     deviation_gain: float | Literal["tuned"] = Field(default=0.0, description="kappa of that deviation")
     coordinates: Literal["aligned", "tuned"] = Field(

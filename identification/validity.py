@@ -128,6 +128,9 @@ def weights(partition: Partition, positions: Array) -> Array:
     return hat_weights(clipped, partition.centres, clamped=partition.validity == "hat_clamped")
 
 
+LARGEST_NODE_COUNT = 10_001
+"""More would cost memory only: straight lines between so many nodes are off by 1e-6 of a weight."""
+
 NODES = 81
 """Nodes of a cubic: 1/80 of the range between two of them costs 0.005 points of FIT on the pantograph's
 contact force at most (61 nodes: 0.008, 41 nodes: 0.018)."""

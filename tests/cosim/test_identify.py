@@ -117,6 +117,23 @@ def test_a_table_that_gives_one_key_leaves_the_others_to_the_data(folder: Path) 
         network(blendin="output")
 
 
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ({"network": {"nodes": 10**8}}, "network.nodes"),
+        ({"n4sid": {"local_models": 10**8}}, "n4sid.local_models"),
+        ({"n4sid": {"centres": [k / 64 for k in range(32, 160)]}}, "n4sid.centres"),
+        ({"n4sid": {"alignment_horizon": 10**8}}, "n4sid.alignment_horizon"),
+    ],
+)
+def test_numbers_that_would_fill_the_memory_are_refused(
+    tmp_path: Path, given: dict[str, Any], key: str
+) -> None:
+    with pytest.raises(SettingsError, match=rf"test, {key}: .*(at most|less than)") as refused:
+        settings(tmp_path, **given)
+    assert len(refused.value.problems) == 1
+
+
 def test_without_whole_range_data_the_defaults_stand_in_and_say_so(blow: WholePath, tmp_path: Path) -> None:
     result = identify_from_folder(settings(write_data(blow, tmp_path, whole_range=False, static_map=False)))
     reasons = {choice.name: choice.reason for choice in result.choices}

@@ -28,6 +28,9 @@ WBM_REST = 1e-9  # m/s2, rad/s2: forces of 1e5 N per metre are balanced to their
 WBM_LEAST_ORDER = 4.0  # a classical Runge-Kutta step of fourth order; the energy gains one order more
 WBM_ORDER = 0.5  # measured orders scatter while the coarsest step still feels the next term
 WBM_ENERGY = 1e-7  # of the energy: a quarter of a millisecond over half a second leaves 1e-8 to 8e-8
+WBM_INTEGRATORS = (
+    1e-5  # of an output's span, of millimetres: CVode keeps 1e-9 m and 1e-9 m/s per step; 3e-6 is seen
+)
 SIMULATION = 1e-11  # of the largest output: blocks of rows instead of rows, other order of summation
 RMS_SCALING = 1e-14  # relative: one division and one square root
 HALF_POWER = 0.04  # relative: spectrum of two million samples, 240 windows and a few bins

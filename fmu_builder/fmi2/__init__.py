@@ -1,4 +1,4 @@
-"""FMI 2.0 for co-simulation: from variables and C code to an FMU."""
+"""FMI 2.0 for model exchange and co-simulation: from variables and C code to an FMU."""
 
 from fmu_builder.fmi2.description import model_description
 from fmu_builder.fmi2.header import variables_header

@@ -15,7 +15,9 @@ UNITY_NAME = "all.c"
 _FIXED_DATE = "2000-01-01T00:00:00Z"  # the same model gives the same bytes, whenever it is built
 _LOG_CATEGORIES = {
     "logAll": "Everything",
+    "logEvents": "What happens to the instance: the end of initialisation",
     "logStatusError": "Errors: what was refused and why",
+    "logStatusDiscard": "Model exchange: states or inputs outside the range where the model is defined",
     "logStatusWarning": "Warnings, for example inputs outside their range, once each",
 }
 
@@ -38,22 +40,27 @@ def _enumeration_name(variable: Variable) -> str:
     return f"{variable.name}_items"
 
 
-def _add_co_simulation(root: ET.Element, interface: Interface) -> None:
-    flags = _attributes(
+def _add_interfaces(root: ET.Element, interface: Interface) -> None:
+    """Add both interfaces: one binary and one list of sources serve model exchange and co-simulation."""
+    common = _attributes(
         modelIdentifier=interface.model_identifier,
         needsExecutionTool=False,
-        canHandleVariableCommunicationStepSize=True,
-        canInterpolateInputs=any(variable.type == "Real" for variable in interface.inputs),
-        maxOutputDerivativeOrder=0,
-        canRunAsynchronuously=False,
         canBeInstantiatedOnlyOncePerProcess=False,
         canNotUseMemoryManagementFunctions=True,
         canGetAndSetFMUstate=True,
         canSerializeFMUstate=True,
         providesDirectionalDerivative=interface.directional_derivatives,
     )
-    element = ET.SubElement(root, "CoSimulation", flags)
-    ET.SubElement(ET.SubElement(element, "SourceFiles"), "File", name=UNITY_NAME)
+    exchange = _attributes(completedIntegratorStepNotNeeded=True)
+    stepping = _attributes(
+        canHandleVariableCommunicationStepSize=True,
+        canInterpolateInputs=any(variable.type == "Real" for variable in interface.inputs),
+        maxOutputDerivativeOrder=0,
+        canRunAsynchronuously=False,
+    )
+    for tag, own in (("ModelExchange", exchange), ("CoSimulation", stepping)):
+        element = ET.SubElement(root, tag, {**common, **own})
+        ET.SubElement(ET.SubElement(element, "SourceFiles"), "File", name=UNITY_NAME)
 
 
 def _add_units(root: ET.Element, interface: Interface) -> None:
@@ -154,7 +161,7 @@ def _add_structure(root: ET.Element, interface: Interface) -> None:
 
 
 def model_description(interface: Interface, guid: str) -> str:
-    """Return the text of modelDescription.xml (FMI 2.0, co-simulation).
+    """Return the text of modelDescription.xml (FMI 2.0, model exchange and co-simulation).
 
     Args:
         interface: The interface.
@@ -177,7 +184,7 @@ def model_description(interface: Interface, guid: str) -> str:
             numberOfEventIndicators=0,
         ),
     )
-    _add_co_simulation(root, interface)
+    _add_interfaces(root, interface)
     _add_units(root, interface)
     _add_enumerations(root, interface)
     _add_experiment(root, interface)

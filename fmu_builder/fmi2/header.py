@@ -17,8 +17,26 @@ def _array(kind: str, name: str, interface: Interface, item: Callable[[Variable]
     yield "};"
 
 
+def _states(interface: Interface) -> Iterator[str]:
+    """Yield the table of the continuous states, in the order of their derivatives in the model structure."""
+    by_name = {variable.name: variable for variable in interface.variables}
+    rows = [
+        (v.derivative_of, v.name, by_name[v.derivative_of].nominal or 1.0)
+        for v in interface.variables
+        if v.derivative_of is not None
+    ]
+    yield "static const ContinuousState continuous_state[STATE_SLOTS] = {"
+    for state, rate, nominal in rows:
+        yield f"    {{VARIABLE_{state}, VARIABLE_{rate}, {float(nominal)!r}}},"
+    if not rows:
+        yield "    {0U, 0U, 0.0}, /* none; an array cannot be empty */"
+    yield "};"
+
+
 def variables_header(interface: Interface, guid: str) -> str:
     """Return the text of variables.h: names, kinds, start values and limits by value reference.
+
+    Behind them stand the continuous states in the order of model exchange.
 
     Args:
         interface: The interface.
@@ -37,7 +55,9 @@ def variables_header(interface: Interface, guid: str) -> str:
         "enum {",
         *positions,
         f"    VARIABLE_COUNT = {len(interface.variables)},",
-        f"    INPUT_COUNT = {len(interface.inputs)}",
+        f"    INPUT_COUNT = {len(interface.inputs)},",
+        f"    CONTINUOUS_STATES = {len(interface.states)},",
+        f"    STATE_SLOTS = {max(1, len(interface.states))}",
         "};",
         "",
         *_array("char *const ", "variable_name", interface, lambda v: f'"{v.name}"'),
@@ -45,8 +65,15 @@ def variables_header(interface: Interface, guid: str) -> str:
         *_array(
             "unsigned char ", "variable_causality", interface, lambda v: f"CAUSALITY_{v.causality.upper()}"
         ),
+        *_array(
+            "unsigned char ",
+            "variable_variability",
+            interface,
+            lambda v: f"VARIABILITY_{v.variability.upper()}",
+        ),
         *_array("double ", "variable_start", interface, lambda v: repr(float(v.start or 0.0))),
         *_array("double ", "variable_minimum", interface, lambda v: repr(minimum[v.name])),
         *_array("double ", "variable_maximum", interface, lambda v: repr(maximum[v.name])),
+        *_states(interface),
     ]
     return "\n".join(lines) + "\n"

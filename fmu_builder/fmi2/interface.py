@@ -26,7 +26,9 @@ class Interface:
         model_name: Name for a reader.
         description: What the model is, one or two sentences.
         variables: Inputs first; the position is the value reference.
-        states: Names of the continuous states, each with exactly one variable that is `derivative_of` it.
+        states: Names of the continuous states, each with exactly one variable that is `derivative_of` it; in
+            the order of those variables, which is the order of the state vector in model exchange. A model
+            without any is sampled: in model exchange it has a time event at every tick.
         default_step: Proposed communication step, s.
         stop_time: Proposed end of a simulation from 0, s.
         licence: Licence of the model, short ("MIT").
@@ -146,3 +148,7 @@ class Interface:
                 yield Problem(place, what, "Give exactly one variable derivative_of=" + repr(state))
             if self.states.count(state) != 1:
                 yield Problem(place, "does not stand in `states` exactly once", "List every state once")
+        if sorted(derivatives) == sorted(self.states) and tuple(derivatives) != self.states:
+            what = "the states stand in another order than their derivatives"
+            mend = "List both in the same order: it is that of the state vector in model exchange"
+            yield Problem(f"interface {self.model_identifier!r}", what, mend)

@@ -1,4 +1,4 @@
-"""A parameter set as an FMI 2.0 co-simulation FMU: the kernel, the tables, a model card."""
+"""A parameter set as an FMI 2.0 FMU: the kernel, the tables, a model card."""
 
 from fmu_builder.llmn_fmu.build import build_llmn
 from fmu_builder.llmn_fmu.card import model_card

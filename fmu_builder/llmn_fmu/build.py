@@ -20,7 +20,9 @@ def build_llmn(
     platforms: Sequence[str] = DEFAULT_PLATFORMS,
     model_identifier: str | None = None,
 ) -> Path:
-    """Build the FMI 2.0 co-simulation FMU of a network: numbers as tables, the kernel as it is.
+    """Build the FMI 2.0 FMU of a network: numbers as tables, the kernel as it is.
+
+    It serves model exchange, with a time event at every tick, and co-simulation.
 
     The parameter set goes into resources/parameter_set.json, a model card into documentation/index.html. The
     same arguments give the same bytes.

@@ -65,23 +65,32 @@ def _variables(parameter_set: ParameterSet) -> Iterator[Variable]:
             unit=output.unit,
             description=output.description,
             nominal=_size(output.minimum, output.maximum),
+            variability=_variability(direct[output.name]),
             dependencies=direct[output.name],
         )
     for derived in parameter_set.derived_outputs:
         acting: set[str] = set()
         for term in derived.terms:
             acting.update(direct.get(term.signal, (term.signal,)))
+        names = tuple(name for name in parameter_set.input_names if name in acting)
         yield Variable(
             derived.name,
             causality="output",
             unit=derived.unit,
             description=derived.description,
-            dependencies=tuple(name for name in parameter_set.input_names if name in acting),
+            variability=_variability(names),
+            dependencies=names,
         )
     for number, centre in enumerate(parameter_set.partition.centres, start=1):
         where = f"{parameter_set.partition.scheduling} = {centre:g}"
         what = f"Weight of local model {number} ({where}) at the last tick"
-        yield Variable(f"validity_{number}", causality="output", unit="1", description=what)
+        yield Variable(
+            f"validity_{number}",
+            causality="output",
+            unit="1",
+            description=what,
+            variability=_variability(()),
+        )
     yield Variable(
         "in_range",
         type="Boolean",
@@ -96,6 +105,11 @@ def _direct_inputs(parameter_set: ParameterSet, row: int) -> tuple[str, ...]:
     models = (*parameter_set.local_models, *(table.models if table is not None else ()))
     names = enumerate(parameter_set.input_names)
     return tuple(name for column, name in names if any(model.D[row][column] != 0.0 for model in models))
+
+
+def _variability(direct: tuple[str, ...]) -> str:
+    """Return how an output varies: it holds from tick to tick, unless inputs act on it at once."""
+    return "continuous" if direct else "discrete"
 
 
 def _size(low: float, high: float) -> float | None:

@@ -26,7 +26,7 @@ def model_hash() -> str:
 
 
 def build_wbm(output: Path, platforms: Sequence[str] = DEFAULT_PLATFORMS) -> Path:
-    """Build the white-box model as an FMU for FMI 2.0 co-simulation.
+    """Build the white-box model as an FMU for FMI 2.0 model exchange and co-simulation.
 
     Args:
         output: The .fmu file to write.

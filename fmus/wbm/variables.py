@@ -74,7 +74,7 @@ def _parameters() -> tuple[Variable, ...]:
         Variable(
             name="inner_step", causality="parameter", unit="s", start=DEFAULT_INNER_STEP,
             minimum=1e-6, maximum=LARGEST_INNER_STEP, nominal=DEFAULT_INNER_STEP,
-            description="step of the integration (Runge-Kutta, fourth order) and tick of the inputs",
+            description="co-simulation: Runge-Kutta step (fourth order) and tick of the inputs",
         ),
     )  # fmt: skip
 
@@ -110,8 +110,8 @@ def interface() -> Interface:
         model_name="Pantograph, white-box model",
         description=(
             "Planar multibody model of a single-arm pantograph with three degrees of freedom, from first "
-            "principles; starts in the static equilibrium of its inputs, which are held over a "
-            "communication step"
+            "principles; starts in the static equilibrium of its inputs. In co-simulation they are held "
+            "over a communication step; in model exchange the importer integrates its six states"
         ),
         variables=(*_inputs(), *_outputs(), *_parameters(), *_derivatives()),
         states=STATES,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fmu_builder.fmi2 import Interface, Variable, build_fmu
@@ -40,15 +41,32 @@ INTERFACE = Interface(
     stop_time=2.0,
     author="tests",
 )
+SAMPLED = replace(
+    INTERFACE,
+    model_identifier="lti_sampled",
+    states=(),
+    variables=tuple(
+        replace(
+            v, derivative_of=None, dependencies=tuple(d for d in v.dependencies if not d.startswith("x_"))
+        )
+        for v in VARIABLES
+    ),
+)
+"""The same model without continuous states: in model exchange it runs by ticks, too."""
 VR = {variable.name: position for position, variable in enumerate(VARIABLES)}
 
 
-def build(output: Path, platforms: Sequence[str], c_folder: Path | None = None) -> Path:
+def build(
+    output: Path,
+    platforms: Sequence[str],
+    c_folder: Path | None = None,
+    interface: Interface = INTERFACE,
+) -> Path:
     """Build the test FMU; `c_folder` may hold another FMI layer than the one in use."""
     include = (C_FOLDER,) if c_folder is None else (C_FOLDER, c_folder)
     pages = {"licenses/license.txt": b"MIT\n"}
     return build_fmu(
-        INTERFACE, MODEL_HASH, C_FOLDER / "all.c", include, {}, output, platforms, {"note.txt": b"x"}, pages
+        interface, MODEL_HASH, C_FOLDER / "all.c", include, {}, output, platforms, {"note.txt": b"x"}, pages
     )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from fmu_builder.compiler import TARGETS, host_platform
 
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3
+MODEL_EXCHANGE, CO_SIMULATION = 0, 1
 _LOGGER = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p
 )
@@ -40,11 +41,30 @@ def load(fmu: Path, folder: Path) -> ctypes.CDLL:
     return library
 
 
+class EventInfo(ctypes.Structure):
+    """fmi2EventInfo."""
+
+    _fields_ = [
+        ("new_discrete_states_needed", ctypes.c_int),
+        ("terminate_simulation", ctypes.c_int),
+        ("nominals_changed", ctypes.c_int),
+        ("states_changed", ctypes.c_int),
+        ("next_event_time_defined", ctypes.c_int),
+        ("next_event_time", ctypes.c_double),
+    ]
+
+
 class Slave:
     """One instance; methods are FMI functions without the prefix and return the status."""
 
     def __init__(
-        self, library: ctypes.CDLL, guid: str, *, logging: bool = False, callbacks: bool = True, kind: int = 1
+        self,
+        library: ctypes.CDLL,
+        guid: str,
+        *,
+        logging: bool = False,
+        callbacks: bool = True,
+        kind: int = CO_SIMULATION,
     ) -> None:
         self.log: list[tuple[int, str, str]] = []
         self._logger = _LOGGER(
@@ -64,7 +84,7 @@ class Slave:
         return lambda *arguments: function(ctypes.c_void_p(self.component), *arguments)
 
     def start(self, **reals: float) -> Slave:
-        """Go to step mode with these real start values (by value reference as `vN`)."""
+        """Go to step or event mode with these real start values (by value reference as `vN`)."""
         assert self.SetupExperiment(0, ctypes.c_double(0), ctypes.c_double(0), 0, ctypes.c_double(0)) == OK
         assert self.EnterInitializationMode() == OK
         for key, value in reals.items():
@@ -103,6 +123,45 @@ class Slave:
 
     def step(self, time: float, step: float) -> int:
         return self.DoStep(ctypes.c_double(time), ctypes.c_double(step), 1)
+
+    def set_time(self, time: float) -> int:
+        return self.SetTime(ctypes.c_double(time))
+
+    def update(self) -> EventInfo | None:
+        """Ask for new discrete states; None when the FMU refuses."""
+        info = EventInfo(7, 7, 7, 7, 7, -99.0)
+        return info if self.NewDiscreteStates(ctypes.byref(info)) in (OK, WARNING) else None
+
+    def event(self, time: float, references: Sequence[int] = (), values: Sequence[float] = ()) -> EventInfo:
+        """Take one event at `time`, with these inputs set before it is left."""
+        assert self.set_time(time) == OK
+        assert self.EnterEventMode() == OK
+        self.set(references, values)
+        info = self.update()
+        assert info is not None
+        assert self.EnterContinuousTimeMode() == OK
+        return info
+
+    def run(self) -> Slave:
+        """Go from event mode after initialisation to continuous-time mode."""
+        assert self.update() is not None
+        assert self.EnterContinuousTimeMode() == OK
+        return self
+
+    def states(self, count: int = 2, function: str = "GetContinuousStates") -> list[float] | None:
+        values = (ctypes.c_double * max(count, 1))(*([-99.0] * max(count, 1)))
+        status = getattr(self, function)(values, ctypes.c_size_t(count))
+        return list(values)[:count] if status == OK else None
+
+    def set_states(self, values: Sequence[float]) -> int:
+        count = len(values)
+        return self.SetContinuousStates((ctypes.c_double * max(count, 1))(*values), ctypes.c_size_t(count))
+
+    def completed(self) -> tuple[int, int] | None:
+        """Return (enter event mode, terminate), None when the FMU refuses."""
+        enter, terminate = ctypes.c_int(7), ctypes.c_int(7)
+        status = self.CompletedIntegratorStep(1, ctypes.byref(enter), ctypes.byref(terminate))
+        return (enter.value, terminate.value) if status == OK else None
 
     def save(self) -> ctypes.c_void_p:
         state = ctypes.c_void_p()

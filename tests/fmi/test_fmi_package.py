@@ -24,17 +24,19 @@ from fmu_builder.compiler import cache_folder, host_platform
 from fmu_builder.errors import BuildError, OutputError
 from fmu_builder.fmi2 import build_fmu, fmi_headers
 
-# All functions of FMI 2.0 that are common or for co-simulation.
-COMMON = """
+# All functions of FMI 2.0.
+NAMES = """
 GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment
 EnterInitializationMode ExitInitializationMode Terminate Reset GetReal GetInteger GetBoolean
 GetString SetReal SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate
 SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative
 SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus GetRealStatus
 GetIntegerStatus GetBooleanStatus GetStringStatus
+EnterEventMode NewDiscreteStates EnterContinuousTimeMode CompletedIntegratorStep SetTime
+SetContinuousStates GetDerivatives GetEventIndicators GetContinuousStates GetNominalsOfContinuousStates
 """
 PREFIXES = ("one_", "two_")
-FUNCTIONS = {"fmi2" + name for name in COMMON.split()}
+FUNCTIONS = {"fmi2" + name for name in NAMES.split()}
 
 
 def test_fmpy_has_nothing_to_say(lti_fmu: Path) -> None:

@@ -136,9 +136,10 @@ def _state_bytes(slave: Slave) -> bytes:
 def test_bytes_have_a_fixed_order_and_name_their_fmu(new_slave: NewSlave) -> None:
     content = _state_bytes(new_slave())
     mark, version, size = struct.unpack_from("<QQQ", content)
-    assert (mark.to_bytes(8, "little"), version, size) == (b"FMUSTATE", 1, len(content))
+    assert (mark.to_bytes(8, "little"), version, size) == (b"FMUSTATE", 2, len(content))
     assert content[24:88].rstrip(b"\0").decode() == GUID
-    assert struct.unpack_from("<qq", content, 88) == (4, 2)  # step mode; two ticks in four steps of 0.7 ms
+    # co-simulation; step mode; two ticks in four steps of 0.7 ms
+    assert struct.unpack_from("<qqq", content, 88) == (0, 4, 2)
 
 
 @pytest.mark.parametrize(

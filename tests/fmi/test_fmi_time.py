@@ -147,11 +147,11 @@ def test_between_ticks_outputs_hold_but_follow_the_input_set_last(new_slave: Cal
 
 FAULTS = {
     "one tick too many at the start": (
-        "    while (end >= (double)(slave->tick + 1)",
+        "    while (slave_tick_is_due(slave, end)) {\n",
         "    if (begin <= 0.0) { (void)model_tick(&slave->model, slave->latched, message); }\n"
-        "    while (end >= (double)(slave->tick + 1)",
+        "    while (slave_tick_is_due(slave, end)) {\n",
     ),
-    "two ticks for one": ("        ++slave->tick;\n", "        slave->tick += 2;\n"),
+    "two ticks for one": ("    ++slave->tick;\n", "    slave->tick += 2;\n"),
     "tick uses the inputs of the step in which it ends": (
         "    if (begin <= (double)slave->tick + TICK_TOLERANCE) {\n",
         "    if (begin <= LARGEST_NUMBER) {\n",

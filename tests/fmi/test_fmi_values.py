@@ -61,10 +61,10 @@ def test_wrong_guid_gives_no_instance(new_slave: NewSlave, guid: str) -> None:
     ]
 
 
-def test_model_exchange_gives_no_instance(new_slave: NewSlave) -> None:
-    slave = new_slave(kind=0)
+def test_unknown_type_of_interface_gives_no_instance(new_slave: NewSlave) -> None:
+    slave = new_slave(kind=2)
     assert slave.component is None
-    assert "co-simulation only" in slave.last_error()
+    assert "neither model exchange nor co-simulation" in slave.last_error()
 
 
 def test_works_without_callbacks(new_slave: NewSlave) -> None:
@@ -231,8 +231,37 @@ def test_directional_derivatives_come_from_the_model(new_slave: NewSlave) -> Non
         expected = [(*lti.A[row], *lti.B[row])[column] for row in (0, 1)]
         assert _derivative(slave, rows, [name], [1.0]) == expected
     assert _derivative(slave, ["der_x_2"], ["x_1", "load"], [2.0, 10.0]) == [2.0 * -41.0 + 10.0 * -7.0]
-    assert _derivative(slave, ["mixed"], ["drive"], [1.0]) is None
-    assert slave.last_error().endswith("no derivative of mixed with respect to drive")
+    assert _derivative(slave, ["mixed", "x_2"], ["drive"], [1.0]) == [0.0, 0.0]
+    assert _derivative(slave, ["mixed", "x_2", "scaled"], ["x_2"], [2.0]) == [-10.0, 2.0, 5.0]
+    assert _derivative(slave, ["x_1"], ["load", "load"], [1.0, 2.0]) == [0.0]
+    assert _derivative(slave, ["mixed"], ["load", "load"], [1.0, 2.0]) == [1.5]
+
+
+@pytest.mark.parametrize(
+    ("unknown", "known", "words"),
+    [
+        ("drive", "load", "no derivative of drive, which is not calculated"),
+        ("scale", "load", "no derivative of scale, which is not calculated"),
+        ("mixed", "scale", "no derivative with respect to scale, which is neither an input nor"),
+        ("mixed", "scaled", "no derivative with respect to scaled, which is neither"),
+        ("in_range", "load", "in_range has another type"),
+        ("mixed", "preset", "preset has another type"),
+    ],
+)
+def test_derivatives_that_do_not_exist_are_refused(
+    new_slave: NewSlave, unknown: str, known: str, words: str
+) -> None:
+    slave = new_slave().start()
+    assert _derivative(slave, ["x_1", unknown], ["drive", known], [1.0, 1.0]) is None
+    assert words in slave.last_error()
+
+
+def test_a_derivative_that_is_no_number_is_an_error(new_slave: NewSlave) -> None:
+    slave = new_slave().start()
+    assert slave.set([VR["load"]], [0.0]) == OK
+    assert _derivative(slave, ["mixed", "reciprocal"], ["load"], [1.0]) is None
+    assert "reciprocal: the derivative is not a finite number" in slave.last_error()
+    assert _derivative(slave, ["mixed"], ["load"], [1.0]) == [0.5]
 
 
 def test_output_derivatives_are_not_provided(new_slave: NewSlave) -> None:
@@ -258,7 +287,7 @@ def test_status_questions_that_have_no_answer_are_discarded(new_slave: NewSlave)
 def test_log_categories(new_slave: NewSlave) -> None:
     quiet, loud = new_slave().start(), new_slave(logging=True).start()
     assert quiet.log == []
-    assert [entry[1] for entry in loud.log] == ["logAll"]
+    assert [entry[1] for entry in loud.log] == ["logEvents"]
     names = (ctypes.c_char_p * 1)(b"logStatusError")
     assert quiet.SetDebugLogging(0, ctypes.c_size_t(1), names) == OK
     assert quiet.step(0.0, -1.0) == ERROR

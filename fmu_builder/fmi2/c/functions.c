@@ -1,5 +1,5 @@
-/* The functions of FMI 2.0 for Co-Simulation: checks, messages and types; the work is done by the slave.
-   Every error leaves the instance as it was, except an error of the model in fmi2DoStep. */
+/* The functions of FMI 2.0 for Model Exchange and Co-Simulation: checks, messages and types; the work is done by the slave.
+   Every error leaves the instance as it was, except an error of the model in a tick. */
 #include <stddef.h>
 #include <stdlib.h>
 
@@ -47,8 +47,8 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuT
     Instance *instance = NULL;
     (void)fmuResourceLocation;
     (void)visible;
-    if (fmuType != fmi2CoSimulation) {
-        trouble = "fmi2Instantiate: this FMU is for co-simulation only";
+    if (fmuType != fmi2CoSimulation && fmuType != fmi2ModelExchange) {
+        trouble = "fmi2Instantiate: the type is neither model exchange nor co-simulation";
     } else if (fmuGUID == NULL || !same_text(fmuGUID, MODEL_GUID)) {
         trouble = "fmi2Instantiate: the GUID is not that of this FMU, " MODEL_GUID;
     } else if ((instance = (Instance *)calloc(1, sizeof(Instance))) == NULL) {
@@ -65,8 +65,9 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuT
     }
     instance->logger = logger;
     instance->environment = environment;
-    instance->logged = loggingOn ? LOG_ALL : LOG_ERROR | LOG_WARNING;
+    instance->logged = loggingOn ? LOG_ALL : LOG_ALL - LOG_EVENT;
     instance->last_step = fmi2OK;
+    instance->slave.purpose = fmuType == fmi2ModelExchange ? FOR_MODEL_EXCHANGE : FOR_CO_SIMULATION;
     slave_reset(&instance->slave);
     return instance;
 }
@@ -87,13 +88,12 @@ FMI2_Export fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingO
     }
     for (size_t k = 0; k < nCategories; ++k) {
         const char *category = categories != NULL && categories[k] != NULL ? categories[k] : "(NULL)";
-        if (same_text(category, "logAll")) {
-            named |= LOG_ALL;
-        } else if (same_text(category, "logStatusError")) {
-            named |= LOG_ERROR;
-        } else if (same_text(category, "logStatusWarning")) {
-            named |= LOG_WARNING;
-        } else {
+        unsigned kinds = 0;
+        for (unsigned known = 0; known < LOG_CATEGORIES; ++known) {
+            kinds |= same_text(category, log_categories[known].name) ? log_categories[known].kinds : 0U;
+        }
+        named |= kinds;
+        if (kinds == 0) {
             message_append(&message, "unknown log category ");
             return instance_error(instance, &message, category);
         }
@@ -172,6 +172,7 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
     for (unsigned k = 0; k < VARIABLE_COUNT; ++k) {
         instance->warned[k] = 0;
     }
+    instance->warned_of_events = 0;
     instance->last_step = fmi2OK;
     return fmi2OK;
 }
@@ -182,20 +183,20 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
 #define DEFINE_GET(name, type, types)                                                                         \
     FMI2_Export fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, type value[])     \
     {                                                                                                         \
-        const Instance *instance = instance_to_read(c, vr, nvr, value, types, #name);                         \
-        for (size_t k = 0; instance != NULL && k < nvr; ++k) {                                                \
-            value[k] = (type)instance->slave.values[vr[k]];                                                   \
+        const fmi2Status status = instance_to_read(c, vr, nvr, value, types, #name);                          \
+        for (size_t k = 0; status == fmi2OK && k < nvr; ++k) {                                                \
+            value[k] = (type)((const Instance *)c)->slave.values[vr[k]];                                      \
         }                                                                                                     \
-        return instance != NULL ? fmi2OK : fmi2Error;                                                         \
+        return status;                                                                                        \
     }
 
 /** one setter: all values are checked before the first is stored */
-#define DEFINE_SET(name, type, types, as_double)                                                              \
+#define DEFINE_SET(name, type, types, as_double, legal)                                                       \
     FMI2_Export fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const type value[]) \
     {                                                                                                         \
         Message message;                                                                                      \
         fmi2Status status = fmi2OK;                                                                           \
-        Instance *instance = instance_of(c, LEGAL_Set, #name, &message);                                      \
+        Instance *instance = instance_of(c, legal, #name, &message);                                          \
         if (instance == NULL || !instance_knows(instance, vr, nvr, value, types, &message)) {                 \
             return fmi2Error;                                                                                 \
         }                                                                                                     \
@@ -218,23 +219,25 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
 DEFINE_GET(fmi2GetReal, fmi2Real, TYPE_REAL)
 DEFINE_GET(fmi2GetInteger, fmi2Integer, TYPE_INTEGER | TYPE_ENUMERATION)
 DEFINE_GET(fmi2GetBoolean, fmi2Boolean, TYPE_BOOLEAN)
-DEFINE_SET(fmi2SetReal, fmi2Real, TYPE_REAL, AS_DOUBLE)
-DEFINE_SET(fmi2SetInteger, fmi2Integer, TYPE_INTEGER | TYPE_ENUMERATION, AS_DOUBLE)
-DEFINE_SET(fmi2SetBoolean, fmi2Boolean, TYPE_BOOLEAN, AS_LOGICAL)
+DEFINE_SET(fmi2SetReal, fmi2Real, TYPE_REAL, AS_DOUBLE, LEGAL_SetReal)
+DEFINE_SET(fmi2SetInteger, fmi2Integer, TYPE_INTEGER | TYPE_ENUMERATION, AS_DOUBLE, LEGAL_SetDiscrete)
+DEFINE_SET(fmi2SetBoolean, fmi2Boolean, TYPE_BOOLEAN, AS_LOGICAL, LEGAL_SetDiscrete)
 
 /* There are no strings: every value reference is of another type. */
 
 FMI2_Export fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])
 {
-    return instance_to_read(c, vr, nvr, value, 0, "fmi2GetString") != NULL ? fmi2OK : fmi2Error;
+    return instance_to_read(c, vr, nvr, value, 0, "fmi2GetString");
 }
 
 FMI2_Export fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                      const fmi2String value[])
 {
     Message message;
-    const Instance *instance = instance_of(c, LEGAL_Set, "fmi2SetString", &message);
+    const Instance *instance = instance_of(c, LEGAL_SetDiscrete, "fmi2SetString", &message);
     return instance != NULL && instance_knows(instance, vr, nvr, value, 0, &message) ? fmi2OK : fmi2Error;
 }
 
+#include "derivatives.c"
 #include "stepping.c"
+#include "model_exchange.c"

@@ -1,7 +1,7 @@
 /* One FMI instance: the slave with its caller's logger, the guards every FMI function starts with, and the rules for
    getting and setting one variable. */
 
-enum { LOG_ERROR = 1, LOG_WARNING = 2, LOG_EVENT = 4, LOG_ALL = 7, NAME_CAPACITY = 128 };
+enum { LOG_ERROR = 1, LOG_WARNING = 2, LOG_DISCARD = 4, LOG_EVENT = 8, LOG_ALL = 15, NAME_CAPACITY = 128 };
 
 typedef struct {
     Slave slave;
@@ -12,27 +12,44 @@ typedef struct {
     unsigned logged; /* LOG_ bits */
     char name[NAME_CAPACITY];
     unsigned char warned[VARIABLE_COUNT];
+    unsigned char warned_of_events;
 } Instance;
 
-/* In which modes a function may be called (FMI 2.0.4, section 4.2.4). */
+/* In which modes a function may be called (FMI 2.0.4, sections 3.2.3 and 4.2.4), and on instances for what. */
 enum {
+    ONLY_MODEL_EXCHANGE = 256,
+    ONLY_CO_SIMULATION = 512,
+    MODE_RUNNING = MODE_STEP | MODE_EVENT | MODE_CONTINUOUS,
+    MODE_READABLE = MODE_INITIALISATION | MODE_RUNNING | MODE_TERMINATED | MODE_FAILED,
     LEGAL_SetDebugLogging = MODE_ANY,
     LEGAL_SetupExperiment = MODE_INSTANTIATED,
     LEGAL_EnterInitializationMode = MODE_INSTANTIATED,
     LEGAL_ExitInitializationMode = MODE_INITIALISATION,
-    LEGAL_Terminate = MODE_STEP,
+    LEGAL_Terminate = MODE_RUNNING,
     LEGAL_Reset = MODE_ANY,
-    LEGAL_Get = MODE_INITIALISATION | MODE_STEP | MODE_TERMINATED | MODE_FAILED,
-    LEGAL_Set = MODE_INSTANTIATED | MODE_INITIALISATION | MODE_STEP,
+    LEGAL_Get = MODE_READABLE,
+    LEGAL_SetReal = MODE_INSTANTIATED | MODE_INITIALISATION | MODE_RUNNING,
+    LEGAL_SetDiscrete = LEGAL_SetReal - MODE_CONTINUOUS,
     LEGAL_SetParameter = MODE_INSTANTIATED | MODE_INITIALISATION,
     LEGAL_State = MODE_ANY,
     /* Partial derivatives are those of the running model: in initialisation the outputs are steady states. */
-    LEGAL_GetDirectionalDerivative = MODE_STEP | MODE_TERMINATED,
-    LEGAL_SetRealInputDerivatives = MODE_INSTANTIATED | MODE_INITIALISATION | MODE_STEP,
-    LEGAL_GetRealOutputDerivatives = MODE_STEP | MODE_TERMINATED | MODE_FAILED,
-    LEGAL_DoStep = MODE_STEP,
-    LEGAL_CancelStep = 0, /* no step is ever left unfinished */
-    LEGAL_GetStatus = MODE_STEP | MODE_TERMINATED | MODE_FAILED
+    LEGAL_GetDirectionalDerivative = MODE_RUNNING | MODE_TERMINATED,
+    LEGAL_SetRealInputDerivatives = ONLY_CO_SIMULATION | MODE_INSTANTIATED | MODE_INITIALISATION | MODE_STEP,
+    LEGAL_GetRealOutputDerivatives = ONLY_CO_SIMULATION | MODE_STEP | MODE_TERMINATED | MODE_FAILED,
+    LEGAL_DoStep = ONLY_CO_SIMULATION | MODE_STEP,
+    LEGAL_CancelStep = ONLY_CO_SIMULATION, /* no step is ever left unfinished */
+    LEGAL_GetStatus = ONLY_CO_SIMULATION | MODE_STEP | MODE_TERMINATED | MODE_FAILED,
+    LEGAL_EnterEventMode = ONLY_MODEL_EXCHANGE | MODE_EVENT | MODE_CONTINUOUS,
+    LEGAL_NewDiscreteStates = ONLY_MODEL_EXCHANGE | MODE_EVENT,
+    LEGAL_EnterContinuousTimeMode = ONLY_MODEL_EXCHANGE | MODE_EVENT,
+    LEGAL_CompletedIntegratorStep = ONLY_MODEL_EXCHANGE | MODE_CONTINUOUS,
+    LEGAL_SetTime = ONLY_MODEL_EXCHANGE | MODE_EVENT | MODE_CONTINUOUS,
+    LEGAL_SetContinuousStates = ONLY_MODEL_EXCHANGE | MODE_CONTINUOUS,
+    LEGAL_GetContinuousStates = ONLY_MODEL_EXCHANGE | MODE_READABLE,
+    LEGAL_GetEventIndicators = ONLY_MODEL_EXCHANGE | MODE_READABLE,
+    /* The derivatives at the start are initial unknowns, so they can be read there. */
+    LEGAL_GetDerivatives = ONLY_MODEL_EXCHANGE | MODE_READABLE,
+    LEGAL_GetNominalsOfContinuousStates = ONLY_MODEL_EXCHANGE | MODE_ANY
 };
 
 static const char *mode_name(int64_t mode)
@@ -44,6 +61,10 @@ static const char *mode_name(int64_t mode)
         return "in initialisation mode";
     case MODE_STEP:
         return "between communication steps";
+    case MODE_EVENT:
+        return "in event mode";
+    case MODE_CONTINUOUS:
+        return "in continuous-time mode";
     case MODE_TERMINATED:
         return "after termination";
     default:
@@ -51,13 +72,35 @@ static const char *mode_name(int64_t mode)
     }
 }
 
+static const char *purpose_name(int64_t purpose)
+{
+    return purpose == FOR_MODEL_EXCHANGE ? "model exchange" : "co-simulation";
+}
+
+/* The log categories that modelDescription.xml lists, and what each stands for. */
+static const struct {
+    const char *name;
+    unsigned kinds;
+} log_categories[] = {{"logAll", LOG_ALL},
+                      {"logEvents", LOG_EVENT},
+                      {"logStatusDiscard", LOG_DISCARD},
+                      {"logStatusError", LOG_ERROR},
+                      {"logStatusWarning", LOG_WARNING}};
+enum { LOG_CATEGORIES = sizeof log_categories / sizeof log_categories[0] };
+
 /** hand "function: message" to the caller's logger, if its category is wanted; returns the status */
 static fmi2Status instance_log(const Instance *instance, fmi2Status status, const Message *message)
 {
-    const unsigned kind = status == fmi2Error ? LOG_ERROR : status == fmi2Warning ? LOG_WARNING : LOG_EVENT;
-    const char *category = kind == LOG_ERROR ? "logStatusError" : kind == LOG_WARNING ? "logStatusWarning" : "logAll";
+    const unsigned kind = status == fmi2Error     ? LOG_ERROR
+                          : status == fmi2Discard ? LOG_DISCARD
+                          : status == fmi2Warning ? LOG_WARNING
+                                                  : LOG_EVENT;
     Message whole;
     if (instance->logger != NULL && (instance->logged & kind) != 0) {
+        const char *category = log_categories[0].name;
+        for (unsigned k = 0; k < LOG_CATEGORIES; ++k) {
+            category = log_categories[k].kinds == kind ? log_categories[k].name : category;
+        }
         message_clear(&whole);
         message_append(&whole, instance->function);
         message_append(&whole, ": ");
@@ -74,6 +117,13 @@ static fmi2Status instance_error(const Instance *instance, Message *message, con
     return instance_log(instance, fmi2Error, message);
 }
 
+/** log message + text: where an integrator asks, a smaller step may help, otherwise it is an error */
+static fmi2Status instance_refuse(const Instance *instance, Message *message, const char *text)
+{
+    message_append(message, text);
+    return instance_log(instance, instance->slave.mode == MODE_CONTINUOUS ? fmi2Discard : fmi2Error, message);
+}
+
 /** the instance if `function` may be called on it now, with an empty message, else NULL after an error message */
 static Instance *instance_of(fmi2Component component, int legal, const char *function, Message *message)
 {
@@ -83,12 +133,17 @@ static Instance *instance_of(fmi2Component component, int legal, const char *fun
         return NULL;
     }
     instance->function = function;
-    if ((instance->slave.mode & legal) != 0) {
-        return instance;
+    if ((legal & (instance->slave.purpose == FOR_MODEL_EXCHANGE ? ONLY_CO_SIMULATION : ONLY_MODEL_EXCHANGE)) != 0) {
+        message_append(message, "not allowed on an instance for ");
+        (void)instance_error(instance, message, purpose_name(instance->slave.purpose));
+        return NULL;
     }
-    message_append(message, "not allowed ");
-    (void)instance_error(instance, message, mode_name(instance->slave.mode));
-    return NULL;
+    if ((instance->slave.mode & legal) == 0) {
+        message_append(message, "not allowed ");
+        (void)instance_error(instance, message, mode_name(instance->slave.mode));
+        return NULL;
+    }
+    return instance;
 }
 
 /** whether vr[0..count) are variables of one of `types`; otherwise an error message has been logged */
@@ -115,28 +170,32 @@ static int instance_knows(const Instance *instance, const fmi2ValueReference vr[
     return 1;
 }
 
-/** the instance if vr[0..count) can be read now, with up-to-date and finite values; else NULL after an error */
-static Instance *instance_to_read(fmi2Component component, const fmi2ValueReference vr[], size_t count,
-                                  const void *values, int types, const char *function)
+/** bring the values of vr[0..count) up to date; they are finite when it returns fmi2OK, else a message was logged */
+static fmi2Status instance_prepare(Instance *instance, const fmi2ValueReference vr[], size_t count, Message *message)
+{
+    for (size_t k = 0; k < count; ++k) {
+        const int given = variable_causality[vr[k]] == CAUSALITY_INPUT || variable_causality[vr[k]] == CAUSALITY_PARAMETER;
+        if (!given && slave_prepare_outputs(&instance->slave, message) != 0) {
+            return instance_refuse(instance, message, "");
+        }
+        if (!is_finite(instance->slave.values[vr[k]])) {
+            message_append(message, variable_name[vr[k]]);
+            return instance_refuse(instance, message, " is not a finite number");
+        }
+    }
+    return fmi2OK;
+}
+
+/** fmi2OK if vr[0..count) can be read now from the component's values[], otherwise a message has been logged */
+static fmi2Status instance_to_read(fmi2Component component, const fmi2ValueReference vr[], size_t count,
+                                   const void *values, int types, const char *function)
 {
     Message message;
     Instance *instance = instance_of(component, LEGAL_Get, function, &message);
     if (instance == NULL || !instance_knows(instance, vr, count, values, types, &message)) {
-        return NULL;
+        return fmi2Error;
     }
-    for (size_t k = 0; k < count; ++k) {
-        const int given = variable_causality[vr[k]] == CAUSALITY_INPUT || variable_causality[vr[k]] == CAUSALITY_PARAMETER;
-        if (!given && slave_prepare_outputs(&instance->slave, &message) != 0) {
-            (void)instance_error(instance, &message, "");
-            return NULL;
-        }
-        if (!is_finite(instance->slave.values[vr[k]])) {
-            message_append(&message, variable_name[vr[k]]);
-            (void)instance_error(instance, &message, " is not a finite number");
-            return NULL;
-        }
-    }
-    return instance;
+    return instance_prepare(instance, vr, count, &message);
 }
 
 static int is_outside(fmi2ValueReference vr, double value)
@@ -168,6 +227,9 @@ static int instance_accepts(const Instance *instance, fmi2ValueReference vr, dou
     } else if (is_parameter && (instance->slave.mode & LEGAL_SetParameter) == 0) {
         message_append(message, variable_name[vr]);
         message_append(message, " is a fixed parameter and can only be set before initialisation ends");
+    } else if (instance->slave.mode == MODE_CONTINUOUS && variable_variability[vr] != VARIABILITY_CONTINUOUS) {
+        message_append(message, variable_name[vr]);
+        message_append(message, " is discrete and can only be set in event mode");
     } else if (!is_finite(value)) {
         message_append(message, variable_name[vr]);
         message_append(message, " must be a finite number");

@@ -6,6 +6,10 @@
    that it has no padding and its serialised form is the same on every platform. It is zeroed before
    model_set_parameters. Everything that changes lives in it; the model has no other memory.
 
+   A model without continuous states is sampled: in co-simulation and in model exchange alike, the ticks are all that
+   happens to it. A model with continuous states is integrated by the importer in model exchange, and by model_tick in
+   co-simulation.
+
    values[]: VARIABLE_COUNT doubles, indexed by value reference (VARIABLE_name), inputs first; Integer, Boolean and
    Enumeration values are exact doubles. inputs[]: its first INPUT_COUNT entries. The slave guarantees that they are
    finite. Functions that return int return 0 when they succeed and 1 with a message otherwise. */
@@ -27,8 +31,16 @@ static int model_tick(Model *model, const double *inputs, Message *message);
 /** outputs and locals in values[] from the state and from the inputs and parameters that stand in values[] */
 static void model_outputs(const Model *model, double *values);
 
-/** d values[unknown] / d values[known] at the present state, exact; 1: not available */
-static int model_directional_derivative(const Model *model, const double *values, unsigned unknown, unsigned known,
-                                        double *result);
+/** put the continuous states in place, CONTINUOUS_STATES finite numbers; never called when there are none */
+static void model_set_states(Model *model, const double *states);
+
+/** whether outputs and derivatives exist for the continuous states as set and the inputs; never called without any */
+static int model_check_states(const Model *model, const double *inputs, Message *message);
+
+/** exact derivative along a line: change[] of continuous outputs and state derivatives for the direction[] of inputs
+    and continuous states, both VARIABLE_COUNT numbers by value reference; change[] is zero before. Called when
+    model_check_states is content. */
+static void model_directional_derivative(const Model *model, const double *values, const double *direction,
+                                         double *change);
 
 #endif

@@ -30,6 +30,10 @@ FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate)
     if (FMUstate == NULL) {
         return instance_error(instance, &message, "no state (NULL)");
     }
+    if (((const Slave *)FMUstate)->purpose != instance->slave.purpose) {
+        message_append(&message, "the state comes from an instance for ");
+        return instance_error(instance, &message, purpose_name(((const Slave *)FMUstate)->purpose));
+    }
     instance->slave = *(const Slave *)FMUstate;
     instance->last_step = fmi2OK;
     return fmi2OK;

@@ -14,8 +14,13 @@ enum {
     MODE_STEP = 4,
     MODE_TERMINATED = 8,
     MODE_FAILED = 16,
-    MODE_ANY = 31
+    MODE_EVENT = 32,
+    MODE_CONTINUOUS = 64,
+    MODE_ANY = 127
 };
+
+/** what an instance is for; it never changes */
+enum { FOR_CO_SIMULATION = 0, FOR_MODEL_EXCHANGE = 1 };
 
 /* Part of a tick within which a communication point counts as lying on the grid: a master that adds up steps of 1 ms
    is off by 3e-4 of a tick after an hour. */
@@ -28,17 +33,20 @@ enum {
 
 /** all that an instance remembers: flat, members of 8 bytes only (see model.h), so that a copy is a saved state */
 typedef struct {
+    int64_t purpose;        /* FOR_... */
     int64_t mode;
     int64_t tick;           /* n: ticks done */
     int64_t model_ready;    /* the model is in the steady state of the present start values */
     int64_t outputs_ready;  /* values[] holds the outputs of the present state and inputs */
     double start_time;      /* s */
     double stop_time;       /* s */
-    double time;            /* s, end of the last communication step */
+    double time;            /* s, end of the last communication step, or what the importer has set last */
+    double event_time;      /* s, model exchange: the last event */
     double sample_time;     /* T_s, s */
     double values[VARIABLE_COUNT];
     double latched[INPUT_SLOTS];           /* inputs of the tick from t_n */
     double input_derivative[INPUT_SLOTS];  /* 1/s, for the next communication step */
+    double event_input[INPUT_SLOTS];       /* model exchange: inputs when the last event was left */
     Model model;
 } Slave;
 
@@ -53,7 +61,9 @@ static int is_finite(double value)
 static void slave_reset(Slave *slave)
 {
     static const Slave empty;
+    const int64_t purpose = slave->purpose;
     *slave = empty;
+    slave->purpose = purpose;
     slave->mode = MODE_INSTANTIATED;
     slave->stop_time = LARGEST_NUMBER;
     for (unsigned k = 0; k < VARIABLE_COUNT; ++k) {
@@ -93,13 +103,20 @@ static int slave_prepare_model(Slave *slave, Message *message)
     return 0;
 }
 
+/** whether the model can be evaluated where the importer's integration has put it; a tick checks what it does itself */
+static int slave_check_states(const Slave *slave, Message *message)
+{
+    const int integrated = slave->purpose == FOR_MODEL_EXCHANGE && CONTINUOUS_STATES > 0;
+    return integrated && model_check_states(&slave->model, slave->values, message) != 0;
+}
+
 /** bring the outputs in values[] up to date, if they are not */
 static int slave_prepare_outputs(Slave *slave, Message *message)
 {
     if (slave->outputs_ready) {
         return 0;
     }
-    if (slave_prepare_model(slave, message) != 0) {
+    if (slave_prepare_model(slave, message) != 0 || slave_check_states(slave, message) != 0) {
         return 1;
     }
     model_outputs(&slave->model, slave->values);
@@ -118,15 +135,28 @@ static void slave_latch(Slave *slave, double ahead)
     }
 }
 
+/** ticks from the start time to `time`, not a whole number */
+static double slave_position(const Slave *slave, double time)
+{
+    return (time - slave->start_time) / slave->sample_time;
+}
+
+/** whether a communication step or an event at this position completes the tick t_n -> t_n+1 */
+static int slave_tick_is_due(const Slave *slave, double position)
+{
+    return position >= (double)(slave->tick + 1) - TICK_TOLERANCE;
+}
+
 /** leave initialisation: the first tick is n = 0 at the start time */
 static int slave_start(Slave *slave, Message *message)
 {
-    if (slave_prepare_model(slave, message) != 0) {
+    if (slave_prepare_outputs(slave, message) != 0) {
         return 1;
     }
-    slave->mode = MODE_STEP;
+    slave->mode = slave->purpose == FOR_MODEL_EXCHANGE ? MODE_EVENT : MODE_STEP;
     slave->tick = 0;
     slave->time = slave->start_time;
+    slave->event_time = slave->start_time;
     slave_latch(slave, 0.0);
     return 0;
 }
@@ -167,7 +197,7 @@ static int slave_check_step(const Slave *slave, double time, double step, Messag
         message_append(message, " s, beyond the stop time ");
         message_append_number(message, slave->stop_time);
         message_append(message, " s");
-    } else if ((time + step - slave->start_time) / slave->sample_time > LARGEST_TICK) {
+    } else if (slave_position(slave, time + step) > LARGEST_TICK) {
         message_append(message, "the step is too long to count its ticks");
     } else {
         return slave_check_advance(slave, step, message);
@@ -175,23 +205,33 @@ static int slave_check_step(const Slave *slave, double time, double step, Messag
     return 1;
 }
 
+/** t_n -> t_n+1 with the latched inputs */
+static int slave_tick(Slave *slave, Message *message)
+{
+    slave->outputs_ready = 0;
+    if (model_tick(&slave->model, slave->latched, message) != 0) {
+        slave->mode = MODE_FAILED;
+        slave->time = slave->start_time + (double)slave->tick * slave->sample_time;
+        return 1;
+    }
+    ++slave->tick;
+    return 0;
+}
+
 /** time -> time + step. Tick n uses the inputs in force in the last communication step that begins at or before
     t_n (advanced to t_n) and runs as soon as a step reaches t_n+1, both within the tolerance. */
 static int slave_step(Slave *slave, double time, double step, Message *message)
 {
-    const double begin = (time - slave->start_time) / slave->sample_time;
-    const double end = (time + step - slave->start_time) / slave->sample_time;
+    const double begin = slave_position(slave, time);
+    const double end = slave_position(slave, time + step);
     slave->outputs_ready = 0;
     if (begin <= (double)slave->tick + TICK_TOLERANCE) {
         slave_latch(slave, ((double)slave->tick - begin) * slave->sample_time);
     }
-    while (end >= (double)(slave->tick + 1) - TICK_TOLERANCE) {
-        if (model_tick(&slave->model, slave->latched, message) != 0) {
-            slave->mode = MODE_FAILED;
-            slave->time = slave->start_time + (double)slave->tick * slave->sample_time;
+    while (slave_tick_is_due(slave, end)) {
+        if (slave_tick(slave, message) != 0) {
             return 1;
         }
-        ++slave->tick;
         slave_latch(slave, ((double)slave->tick - begin) * slave->sample_time);
     }
     slave->time = time + step;
@@ -200,3 +240,5 @@ static int slave_step(Slave *slave, double time, double step, Message *message)
     }
     return 0;
 }
+
+#include "slave_events.c"

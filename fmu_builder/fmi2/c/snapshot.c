@@ -2,7 +2,7 @@
    word 0 mark, 1 format version, 2 size in bytes, 3..10 GUID (zero padded), the Slave's words, checksum. */
 
 #define SNAPSHOT_MARK 0x4554415453554d46u /* "FMUSTATE" */
-enum { SNAPSHOT_VERSION = 1, SNAPSHOT_GUID_BYTES = 64, SNAPSHOT_WORD = 8 };
+enum { SNAPSHOT_VERSION = 2, SNAPSHOT_GUID_BYTES = 64, SNAPSHOT_WORD = 8 };
 enum { SNAPSHOT_HEADER = 3 * SNAPSHOT_WORD + SNAPSHOT_GUID_BYTES };
 enum { SNAPSHOT_SIZE = SNAPSHOT_HEADER + sizeof(Slave) + SNAPSHOT_WORD };
 

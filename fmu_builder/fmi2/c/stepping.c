@@ -1,39 +1,4 @@
-/* Derivatives, communication steps and their status. */
-
-FMI2_Export fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown_ref[],
-                                                    size_t nUnknown, const fmi2ValueReference vKnown_ref[],
-                                                    size_t nKnown, const fmi2Real dvKnown[], fmi2Real dvUnknown[])
-{
-    Message message;
-    Instance *instance = instance_of(c, LEGAL_GetDirectionalDerivative, "fmi2GetDirectionalDerivative", &message);
-    if (instance == NULL || !instance_knows(instance, vUnknown_ref, nUnknown, dvUnknown, TYPE_REAL, &message) ||
-        !instance_knows(instance, vKnown_ref, nKnown, dvKnown, TYPE_REAL, &message)) {
-        return fmi2Error;
-    }
-    if (slave_prepare_outputs(&instance->slave, &message) != 0) {
-        return instance_error(instance, &message, "");
-    }
-    for (size_t row = 0; row < nUnknown; ++row) {
-        double sum = 0.0;
-        for (size_t column = 0; column < nKnown; ++column) {
-            double partial = 0.0;
-            if (model_directional_derivative(&instance->slave.model, instance->slave.values, vUnknown_ref[row],
-                                             vKnown_ref[column], &partial) != 0) {
-                message_append(&message, "no derivative of ");
-                message_append(&message, variable_name[vUnknown_ref[row]]);
-                message_append(&message, " with respect to ");
-                return instance_error(instance, &message, variable_name[vKnown_ref[column]]);
-            }
-            sum += partial * dvKnown[column];
-        }
-        if (!is_finite(sum)) {
-            message_append(&message, variable_name[vUnknown_ref[row]]);
-            return instance_error(instance, &message, ": the derivative is not a finite number");
-        }
-        dvUnknown[row] = sum;
-    }
-    return fmi2OK;
-}
+/* The functions of FMI 2.0 for Co-Simulation: input derivatives, communication steps and their status. */
 
 FMI2_Export fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                                    const fmi2Integer order[], const fmi2Real value[])

@@ -65,17 +65,29 @@ static void model_outputs(const Model *model, double *values)
     values[LLMN_IN_RANGE] = view.in_range[0];
 }
 
+/** there are no continuous states: only the slave's common code speaks of them */
+static void model_set_states(Model *model, const double *states)
+{
+    (void)model;
+    (void)states;
+}
+
+static int model_check_states(const Model *model, const double *inputs, Message *message)
+{
+    (void)model;
+    (void)inputs;
+    (void)message;
+    return 0;
+}
+
 /** exact: only feedthrough and the inputs in derived outputs act at once */
-static int model_directional_derivative(const Model *model, const double *values, unsigned unknown, unsigned known,
-                                        double *result)
+static void model_directional_derivative(const Model *model, const double *values, const double *direction,
+                                         double *change)
 {
     (void)values;
-    if (known >= INPUT_COUNT || unknown < LLMN_FIRST_OUTPUT || unknown >= LLMN_IN_RANGE) {
-        return 1;
+    for (int i = 0; i < LLMN_FIRST_VALIDITY - LLMN_FIRST_OUTPUT; ++i) {
+        for (int j = 0; j < TABLES_INPUTS; ++j) {
+            change[LLMN_FIRST_OUTPUT + i] += kernel_feedthrough(&tables, model->state, i, j) * direction[j];
+        }
     }
-    *result = 0.0;
-    if (unknown < LLMN_FIRST_VALIDITY) {
-        *result = kernel_feedthrough(&tables, model->state, (int)unknown - LLMN_FIRST_OUTPUT, (int)known);
-    }
-    return 0;
 }

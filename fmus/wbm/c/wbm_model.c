@@ -27,36 +27,24 @@ static void model_outputs(const Model *model, double *values) {
     wbm_derivatives(&model->constants, model->state, inputs, values + VARIABLE_der_phi_1);
 }
 
-/* Exact partial derivative of an output or a state derivative with respect to an input or a state. */
-static int model_directional_derivative(
-    const Model *model, const double *values, unsigned unknown, unsigned known, double *result
+static void model_set_states(Model *model, const double *states) {
+    int n;
+    for (n = 0; n < STATE_COUNT; ++n) model->state[n] = states[n];
+}
+
+static int model_check_states(const Model *model, const double *inputs, Message *message) {
+    return wbm_check_inputs(model, inputs, message) || wbm_check_state(model, model->state, inputs, message);
+}
+
+/* Exact derivative of outputs and state derivatives along a line of inputs and states. */
+static void model_directional_derivative(
+    const Model *model, const double *values, const double *direction, double *change
 ) {
-    static const unsigned state_variable[STATE_COUNT] = {
-        VARIABLE_phi_1, VARIABLE_phi_1_dot, VARIABLE_delta, VARIABLE_delta_dot, VARIABLE_xi, VARIABLE_xi_dot};
     const double inputs[INPUTS] = {values[VARIABLE_eta], values[VARIABLE_M_pa]};
-    double dx[STATE_COUNT] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, du[INPUTS] = {0.0, 0.0};
-    double change[OUTPUT_COUNT];
-    unsigned found = 0U, n;
-    for (n = 0U; n < STATE_COUNT; ++n) {
-        if (state_variable[n] == known) {
-            dx[n] = 1.0;
-            found = 1U;
-        }
-    }
-    if (known < INPUTS) {
-        du[known] = 1.0;
-        found = 1U;
-    }
-    if (!found) return 1;
-    if (unknown >= VARIABLE_xi && unknown < VARIABLE_xi + OUTPUT_COUNT) {
-        wbm_outputs_tangent(&model->constants, model->state, dx, du, change);
-        *result = change[unknown - VARIABLE_xi];
-        return 0;
-    }
-    if (unknown >= VARIABLE_der_phi_1 && unknown < VARIABLE_der_phi_1 + STATE_COUNT) {
-        wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, change);
-        *result = change[unknown - VARIABLE_der_phi_1];
-        return 0;
-    }
-    return 1;
+    const double du[INPUTS] = {direction[VARIABLE_eta], direction[VARIABLE_M_pa]};
+    double dx[STATE_COUNT];
+    int n;
+    for (n = 0; n < STATE_COUNT; ++n) dx[n] = direction[continuous_state[n].state];
+    wbm_outputs_tangent(&model->constants, model->state, dx, du, change + VARIABLE_xi);
+    wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_der_phi_1);
 }

@@ -251,23 +251,27 @@ static void wbm_runge_kutta(const Constants *k, const double *u, double h, const
     }
 }
 
+/* Refuses states outside the regular branch of the linkage, and numbers that are none. */
+static int wbm_check_state(const Model *model, const double *x, const double *u, Message *message) {
+    int n, regular = x[STATE_PHI_1] > model->reach.phi_low && x[STATE_PHI_1] < model->reach.phi_high;
+    for (n = 0; n < STATE_COUNT; ++n) regular = regular && wbm_absolute(x[n]) < 1.0e6;
+    if (regular) return 0;
+    message_append(message, "the motion leaves the linkage's regular range: the pan-head stood at xi = ");
+    message_append_number(message, model->state[STATE_XI]);
+    message_append(message, " m for the contact position eta = ");
+    message_append_number(message, u[INPUT_ETA]);
+    message_append(message, " m");
+    wbm_append_reach(model, message);
+    return 1;
+}
+
 /* One tick; the state is untouched when the motion leaves the regular branch of the linkage. */
 static int wbm_advance(Model *model, const double *u, Message *message) {
     double next[STATE_COUNT];
-    int n, regular;
+    int n;
     if (wbm_check_inputs(model, u, message)) return 1;
     wbm_runge_kutta(&model->constants, u, model->step, model->state, next);
-    regular = next[STATE_PHI_1] > model->reach.phi_low && next[STATE_PHI_1] < model->reach.phi_high;
-    for (n = 0; n < STATE_COUNT; ++n) regular = regular && wbm_absolute(next[n]) < 1.0e6;
-    if (!regular) {
-        message_append(message, "the motion leaves the linkage's regular range: the pan-head stood at xi = ");
-        message_append_number(message, model->state[STATE_XI]);
-        message_append(message, " m for the contact position eta = ");
-        message_append_number(message, u[INPUT_ETA]);
-        message_append(message, " m");
-        wbm_append_reach(model, message);
-        return 1;
-    }
+    if (wbm_check_state(model, next, u, message)) return 1;
     for (n = 0; n < STATE_COUNT; ++n) model->state[n] = next[n];
     return 0;
 }

@@ -77,24 +77,37 @@ static void model_outputs(const Model *model, double *values)
     values[VARIABLE_reciprocal] = 1.0 / values[VARIABLE_load];
 }
 
-static int model_directional_derivative(const Model *model, const double *values, unsigned unknown, unsigned known,
-                                        double *result)
+static void model_set_states(Model *model, const double *states)
 {
-    const int row = unknown == VARIABLE_der_x_2;
-    (void)values;
-    if (unknown == VARIABLE_der_x_1 || unknown == VARIABLE_der_x_2) {
-        if (known == VARIABLE_drive || known == VARIABLE_load) {
-            *result = model->strength * lti_B[row][known == VARIABLE_load];
-            return 0;
-        }
-        if (known == VARIABLE_x_1 || known == VARIABLE_x_2) {
-            *result = lti_A[row][known == VARIABLE_x_2];
-            return 0;
-        }
+    model->state[0] = states[0];
+    model->state[1] = states[1];
+}
+
+/** the first state may not go beyond 50 */
+static int model_check_states(const Model *model, const double *inputs, Message *message)
+{
+    (void)inputs;
+    if (model->state[0] > 50.0) {
+        message_append(message, "x_1 is too large: ");
+        message_append_number(message, model->state[0]);
+        return 1;
     }
-    if (unknown == VARIABLE_mixed && known == VARIABLE_load) {
-        *result = 0.5;
-        return 0;
+    return 0;
+}
+
+static void model_directional_derivative(const Model *model, const double *values, const double *direction,
+                                         double *change)
+{
+    const double dx[2] = {direction[VARIABLE_x_1], direction[VARIABLE_x_2]};
+    const double du[2] = {direction[VARIABLE_drive], direction[VARIABLE_load]};
+    for (int row = 0; row < 2; ++row) {
+        change[row == 0 ? VARIABLE_der_x_1 : VARIABLE_der_x_2] =
+            lti_A[row][0] * dx[0] + lti_A[row][1] * dx[1] +
+            model->strength * (lti_B[row][0] * du[0] + lti_B[row][1] * du[1]);
     }
-    return 1;
+    change[VARIABLE_x_1] = dx[0];
+    change[VARIABLE_x_2] = dx[1];
+    change[VARIABLE_scaled] = model->scale * dx[1];
+    change[VARIABLE_mixed] = 4.0 * dx[0] - 5.0 * dx[1] + 0.5 * du[1];
+    change[VARIABLE_reciprocal] = -du[1] / (values[VARIABLE_load] * values[VARIABLE_load]);
 }

@@ -32,11 +32,11 @@ def with_description(fmu: Path, target: Path, change: Callable[[str], str]) -> P
     return write(target, {**entries, "modelDescription.xml": changed.encode()}.items())
 
 
-def replaced(right: str, wrong: str) -> Callable[[str], str]:
-    """A change that replaces the one place where `right` stands."""
+def replaced(right: str, wrong: str, places: int = 1) -> Callable[[str], str]:
+    """A change that replaces every one of the `places` where `right` stands."""
 
     def change(text: str) -> str:
-        assert text.count(right) == 1, f"{right!r} is there {text.count(right)} times"
+        assert text.count(right) == places, f"{right!r} is there {text.count(right)} times"
         return text.replace(right, wrong)
 
     return change

@@ -41,14 +41,14 @@ DEFECTS: dict[str, tuple[str, Change]] = {
         "input-value-reference", replaced('name="load" valueReference="1"', 'name="load" valueReference="0"'),
     ),
     "modelIdentifier is no C identifier": (
-        "model-identifier", replaced('modelIdentifier="lti_test"', 'modelIdentifier="lti-test"'),
+        "model-identifier", replaced('modelIdentifier="lti_test"', 'modelIdentifier="lti-test"', 2),
     ),
     "date with an offset instead of Z": ("date", replaced("00:00:00Z", "00:00:00+00:00")),
     "date that is none": ("date", replaced("2000-01-01T", "2000-13-01T")),
     "InitialUnknowns not in order": ("initial-unknowns-order", initial_unknowns(lambda items: items[::-1])),
     "InitialUnknowns missing": ("initial-unknowns-missing", initial_unknowns(lambda items: items[1:])),
     "serialize without get and set": (
-        "serialize-without-state", replaced('canGetAndSetFMUstate="true"', 'canGetAndSetFMUstate="false"'),
+        "serialize-without-state", replaced('canGetAndSetFMUstate="true"', 'canGetAndSetFMUstate="false"', 2),
     ),
     "start outside the limits": ("start-limits", replaced('start="1.25"', 'start="3.25"')),
     "start is no number": ("start-value", replaced('start="1.25"', 'start="INF"')),
@@ -79,7 +79,9 @@ DEFECTS: dict[str, tuple[str, Change]] = {
     "min above max": ("limits", replaced('min="0.5" max="4.0"', 'min="4.5" max="4.0"')),
     "start is no item": ("start-limits", replaced('max="2" start="1"', 'max="9" start="7"')),
     "undefined type": ("type-undefined", replaced('declaredType="preset_items"', 'declaredType="presets"')),
-    "source file that is not there": ("source-file", replaced('<File name="all.c"', '<File name="main.c"')),
+    "source file that is not there": (
+        "source-file", replaced('<File name="all.c"', '<File name="main.c"', 2),
+    ),
     "step of zero": ("default-experiment", replaced('stepSize="0.001"', 'stepSize="0"')),
     "DOCTYPE": ("xml-doctype", replaced("<fmiModelDescription ", "<!DOCTYPE fmi>\n<fmiModelDescription ")),
     "FMI 3": ("fmi-version", replaced('fmiVersion="2.0"', 'fmiVersion="3.0"')),

@@ -32,6 +32,9 @@ WHITE_BOX_SETS = ("A", "Blow")
 SEED = 1
 """Seed of every random draw of the demo."""
 
+RESULT = "llmn demo 1"
+"""Kind of its result folder."""
+
 
 @dataclass
 class SetResult:
@@ -129,7 +132,7 @@ def run_demo(output: Path, quick: bool = False, reporter: Reporter = SILENT) -> 
     from cosimulation.report import PICTURE, write_picture, write_report
 
     clock = _Clock()
-    with result_folder(output, "scores.json") as folder:
+    with result_folder(output, RESULT) as folder:
         with clock.phase("build white-box FMU"):
             white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu")
         sets = tuple(_run_set(folder, white_box, wbm, quick, clock, reporter) for wbm in WHITE_BOX_SETS)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosimulation.data_folder import FORMAT, INDEX, DataFolder, Experiment
+from cosimulation.data_folder import FORMAT, DataFolder, Experiment
 from cosimulation.fmu_driver import FloatArray, StartValue, running_fmu
 from cosimulation.fmu_file import OpenFmu, open_fmu, same_unit
 from cosimulation.progress import SILENT, Reporter
@@ -38,7 +38,7 @@ def generate_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> Pa
         OutputError: The folder cannot be written.
     """
     _check(settings)
-    with result_folder(settings.output, INDEX, FORMAT) as folder:
+    with result_folder(settings.output, FORMAT) as folder:
         make_data(settings, reporter).save(folder)
     return settings.output
 

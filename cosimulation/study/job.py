@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cosimulation.progress import Reporter
+from cosimulation.result_folder import result_folder
 from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
 from cosimulation.study import blending, order, tables
@@ -16,7 +17,7 @@ from cosimulation.study.page import Section, render
 from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
 from fmu_builder.compiler import host_platform
 from fmu_builder.errors import SettingsError
-from fmu_builder.files import folder_written_atomically, write_text
+from fmu_builder.files import write_text
 from fmus.wbm import build_wbm
 from identification.scores import FIELDS
 
@@ -62,7 +63,7 @@ def run(
     if seeds:
         settings = settings.model_copy(update={"seeds": seeds})
     reporter.say(settings_line(settings, settings_file or Path(f"{name}.toml"), shipped))
-    with folder_written_atomically(output) as folder:
+    with result_folder(output, f"llmn study {name} 1") as folder:
         white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu", (host_platform(),))
         results = Pool[Any](settings.processes).run(
             study.run, study.tasks(settings, white_box), reporter, f"study {name}"

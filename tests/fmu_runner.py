@@ -16,8 +16,11 @@ Array = NDArray[np.float64]
 
 
 @contextmanager
-def opened(path: Path, inputs: Array) -> Iterator[tuple[FMU2Slave, dict[str, int]]]:
-    """An FMU in step mode, initialised with `inputs`, and the value references of its variables."""
+def opened(path: Path, inputs: Array, ready: bool = True) -> Iterator[tuple[FMU2Slave, dict[str, int]]]:
+    """An FMU with these inputs, and the value references of its variables.
+
+    It stands in step mode, or in initialisation mode when it is not `ready`.
+    """
     description = fmpy.read_model_description(str(path))
     controls = [v.valueReference for v in description.modelVariables if v.causality == "input"]
     unpacked = fmpy.extract(str(path))
@@ -32,7 +35,8 @@ def opened(path: Path, inputs: Array) -> Iterator[tuple[FMU2Slave, dict[str, int
         slave.setupExperiment(startTime=0.0)
         slave.enterInitializationMode()
         slave.setReal(controls, inputs.tolist())
-        slave.exitInitializationMode()
+        if ready:
+            slave.exitInitializationMode()
         yield slave, {variable.name: variable.valueReference for variable in description.modelVariables}
         slave.freeInstance()
     finally:

@@ -28,6 +28,7 @@ WBM_REST = 1e-9  # m/s2, rad/s2: forces of 1e5 N per metre are balanced to their
 WBM_LEAST_ORDER = 4.0  # a classical Runge-Kutta step of fourth order; the energy gains one order more
 WBM_ORDER = 0.5  # measured orders scatter while the coarsest step still feels the next term
 WBM_ENERGY = 1e-7  # of the energy: a quarter of a millisecond over half a second leaves 1e-8 to 8e-8
+WBM_STATIC_GAIN = 1e-9  # of the largest of its row: six equations against three, condition 1e6
 WBM_INTEGRATORS = (
     1e-5  # of an output's span, of millimetres: CVode keeps 1e-9 m and 1e-9 m/s per step; 3e-6 is seen
 )
@@ -64,6 +65,7 @@ DEVIATION_SCHEDULE = 1e-10  # of the largest output: rounding feeds back through
 HANKEL = 1e-7  # of the largest: Gramians in double precision know Hankel singular values to the root of that
 GLOVER = 1e-6  # relative: Glover's bound on a grid of frequencies, singular values from Gramians
 STATIC_GAIN = 1e-6  # relative: (I - A)^-1 after a change to balanced coordinates
+STEADY_GAIN = 1e-10  # of the largest of its row: two linear solves of condition 1e3, complex steps are exact
 OCTAVE_POLE = 1e-4  # in the z plane: two estimators on the same 20 s of noisy data; 1e-5 is reached
 OUTPUT_PARTITION = 0.01  # m/m: the contact spring takes up what the force at rest changes with the height
 SAME_FIT = 1e-6  # percentage points: the same search twice, matrix products may round by where arrays lie

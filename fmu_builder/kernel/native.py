@@ -111,6 +111,27 @@ class Network:
         native, state, call = ctypes.byref(self._native), _pointer(self.state), library().llmn_feedthrough
         return np.array([[call(native, state, i, j) for j in range(shape[1])] for i in range(shape[0])])
 
+    def steady_gain(self, inputs: ArrayLike) -> Array:
+        """Return the exact derivatives [p + R + M, m] of outputs and validities at rest.
+
+        Rows: outputs, derived outputs, validities; columns: inputs.
+
+        The network must stand in the steady state of the inputs [m], where the derivatives are taken.
+
+        Raises:
+            ParameterSetError: There are none: I - A is singular.
+        """
+        row, size = self._row(inputs), self.tables.state_size
+        columns = []
+        for direction in np.eye(row.size):
+            change = np.empty(self.tables.column_count + self.tables.sizes["local_models"])
+            arrays = (self.state, row, direction, np.empty(size), np.empty(size), change)
+            pointers = [_pointer(array) for array in arrays]
+            if library().llmn_start_tangent(ctypes.byref(self._native), *pointers):
+                raise _no_steady_state()
+            columns.append(change)
+        return np.array(columns).T
+
     @property
     def states(self) -> Array:
         """States x [n], or [M, n] with output blending; a view."""

@@ -28,7 +28,7 @@ IN_BOTH = {
     "SetString": "inse",
     "SetParameter": "in",
     "GetFMUstate": "insectf",
-    "GetDirectionalDerivative": "sect",
+    "GetDirectionalDerivative": "nsectf",
 }
 FOR_STEPS = {
     "SetRealInputDerivatives": "ins",

@@ -11,7 +11,7 @@ import pytest
 from fmi import lti
 from fmi.conftest import GUID
 from fmi.lti import VR
-from fmi.raw import DISCARD, ERROR, OK, WARNING, Slave
+from fmi.raw import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, WARNING, Slave
 
 NewSlave = Callable[..., Slave]
 
@@ -254,6 +254,26 @@ def test_derivatives_that_do_not_exist_are_refused(
     slave = new_slave().start()
     assert _derivative(slave, ["x_1", unknown], ["drive", known], [1.0, 1.0]) is None
     assert words in slave.last_error()
+
+
+@pytest.mark.parametrize("kind", [CO_SIMULATION, MODEL_EXCHANGE])
+def test_in_initialisation_derivatives_are_those_of_the_steady_state(new_slave: NewSlave, kind: int) -> None:
+    slave = new_slave(kind=kind)
+    assert slave.set_integer(VR["preset"], 2) == OK
+    assert slave.EnterInitializationMode() == OK
+    assert slave.set([VR["drive"]], [2.0]) == OK
+    rows = ["x_1", "x_2", "mixed", "der_x_1", "der_x_2"]
+    for known, inputs in (("drive", (1.0, 0.0)), ("load", (0.0, 1.0))):
+        x = lti.steady_state(inputs, 3.0)
+        expected = [*x, 4.0 * x[0] - 5.0 * x[1] + 0.5 * inputs[1], 0.0, 0.0]
+        assert _derivative(slave, rows, [known], [1.0]) == expected
+    x = lti.steady_state((2.0, lti.START[1]), 3.0)
+    assert _derivative(slave, ["scaled", "x_2"], ["scale"], [2.0]) == [2.0 * x[1], 0.0]
+    assert _derivative(slave, ["scaled"], ["x_1"], [1.0]) is None
+    assert "no derivative with respect to x_1, which is neither an input nor a par" in slave.last_error()
+    slave.set([VR["drive"]], [4.5])
+    assert _derivative(slave, ["scaled"], ["load"], [1.0]) is None
+    assert slave.last_error() == "fmi2GetDirectionalDerivative: no derivative at this drive"
 
 
 def test_a_derivative_that_is_no_number_is_an_error(new_slave: NewSlave) -> None:

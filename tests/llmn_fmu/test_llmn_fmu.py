@@ -83,6 +83,20 @@ def test_directional_derivatives_are_those_of_the_kernel(fmu: Path) -> None:
         np.testing.assert_allclose(expected[:, column], slope, rtol=1e-9, atol=1e-6)
 
 
+def test_in_initialisation_derivatives_are_those_of_the_steady_state(fmu: Path) -> None:
+    parameter_set = networks.network(43, feedthrough=True)
+    row = networks.inputs_of(44, 3, 3)[2]
+    kernel = Network(parameter_set)
+    kernel.start(row)
+    expected = kernel.steady_gain(row)
+    names = (*parameter_set.output_names, *(f"validity_{number}" for number in range(1, 5)))
+    assert np.abs(expected).max(axis=1).all()
+    with opened(fmu, row, ready=False) as (slave, references):
+        unknowns = [references[name] for name in names]
+        found = [slave.getDirectionalDerivative(unknowns, [column], [1.0]) for column in range(3)]
+    np.testing.assert_array_equal(np.array(found).T, expected)
+
+
 def test_the_description_says_what_acts_at_once() -> None:
     by_name = {v.name: v for v in interface(networks.network(43, feedthrough=False)).variables}
     assert by_name["y_0"].dependencies == ()

@@ -127,6 +127,22 @@ def test_directional_derivatives_are_the_tangent(open_fmu: Callable[..., object]
     )
 
 
+def test_in_initialisation_derivatives_are_those_of_the_equilibrium(
+    open_fmu: Callable[..., object],
+) -> None:
+    parameters, inputs = parameter_sets()["Blow"], np.array([1.2, 1250.0])
+    knowns = [*INPUT_REFERENCES, REFERENCE["inner_step"]]
+    unknowns = OUTPUT_REFERENCES + [REFERENCE[f"der_{name}"] for name in STATES]
+    with open_fmu("Blow", tuple(inputs), ready=False) as (fmu, _):
+        columns = [fmu.getDirectionalDerivative(unknowns, [known], [1.0]) for known in knowns]
+    found = np.array(columns).T
+    model = native.linearise(parameters, inputs, native.equilibrium(parameters, inputs))
+    expected = model.D - model.C @ np.linalg.solve(model.A, model.B)
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    assert (np.abs(found[: len(OUTPUTS), :2] - expected) <= tolerances.WBM_STATIC_GAIN * size).all()
+    assert not found[:, 2].any() and not found[len(OUTPUTS) :].any()
+
+
 def test_saved_state_continues_with_the_same_bits(open_fmu: Callable[..., object]) -> None:
     inputs = excitation(300, 9)
     with open_fmu("A", tuple(inputs[0])) as (fmu, _):

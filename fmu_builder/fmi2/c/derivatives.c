@@ -1,4 +1,5 @@
-/* Directional derivatives. */
+/* Directional derivatives: of the running model along inputs and continuous states; in initialisation mode, where all
+   that is calculated is a steady state, along inputs and Real parameters. */
 
 static int is_continuous_state(fmi2ValueReference vr)
 {
@@ -10,19 +11,35 @@ static int is_continuous_state(fmi2ValueReference vr)
     return 0;
 }
 
+/** NULL when a derivative can be taken of this variable, else why not */
+static const char *trouble_with_unknown(fmi2ValueReference vr)
+{
+    const int causality = variable_causality[vr];
+    return causality == CAUSALITY_OUTPUT || causality == CAUSALITY_LOCAL ? NULL : ", which is not calculated";
+}
+
+/** NULL when a derivative can be taken along this variable now, else why not */
+static const char *trouble_with_known(const Instance *instance, fmi2ValueReference vr)
+{
+    if (variable_causality[vr] == CAUSALITY_INPUT) {
+        return NULL;
+    }
+    if (instance->slave.mode == MODE_INITIALISATION) {
+        return variable_causality[vr] == CAUSALITY_PARAMETER ? NULL : ", which is neither an input nor a parameter";
+    }
+    return is_continuous_state(vr) ? NULL : ", which is neither an input nor a continuous state";
+}
+
 /** whether vr[0..count) are variables that a derivative can be taken of (is_known: along); else a message was logged */
 static int instance_can_differentiate(const Instance *instance, const fmi2ValueReference vr[], size_t count,
                                       int is_known, Message *message)
 {
     for (size_t k = 0; k < count; ++k) {
-        const int causality = variable_causality[vr[k]];
-        const int calculated = causality == CAUSALITY_OUTPUT || causality == CAUSALITY_LOCAL;
-        if (is_known ? causality != CAUSALITY_INPUT && !is_continuous_state(vr[k]) : !calculated) {
+        const char *trouble = is_known ? trouble_with_known(instance, vr[k]) : trouble_with_unknown(vr[k]);
+        if (trouble != NULL) {
             message_append(message, is_known ? "no derivative with respect to " : "no derivative of ");
             message_append(message, variable_name[vr[k]]);
-            message_append(message, is_known ? ", which is neither an input nor a continuous state"
-                                             : ", which is not calculated");
-            (void)instance_error(instance, message, "");
+            (void)instance_error(instance, message, trouble);
             return 0;
         }
     }
@@ -52,7 +69,11 @@ FMI2_Export fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2V
     for (size_t k = 0; k < nKnown; ++k) {
         direction[vKnown_ref[k]] += dvKnown[k];
     }
-    model_directional_derivative(&instance->slave.model, instance->slave.values, direction, change);
+    if (instance->slave.mode != MODE_INITIALISATION) {
+        model_directional_derivative(&instance->slave.model, instance->slave.values, direction, change);
+    } else if (model_start_derivative(&instance->slave.model, instance->slave.values, direction, change, &message)) {
+        return instance_error(instance, &message, "");
+    }
     for (size_t k = 0; k < nUnknown; ++k) {
         if (!is_finite(change[vUnknown_ref[k]])) {
             message_append(&message, variable_name[vUnknown_ref[k]]);

@@ -32,8 +32,7 @@ enum {
     LEGAL_SetDiscrete = LEGAL_SetReal - MODE_CONTINUOUS,
     LEGAL_SetParameter = MODE_INSTANTIATED | MODE_INITIALISATION,
     LEGAL_State = MODE_ANY,
-    /* Partial derivatives are those of the running model: in initialisation the outputs are steady states. */
-    LEGAL_GetDirectionalDerivative = MODE_RUNNING | MODE_TERMINATED,
+    LEGAL_GetDirectionalDerivative = MODE_READABLE,
     LEGAL_SetRealInputDerivatives = ONLY_CO_SIMULATION | MODE_INSTANTIATED | MODE_INITIALISATION | MODE_STEP,
     LEGAL_GetRealOutputDerivatives = ONLY_CO_SIMULATION | MODE_STEP | MODE_TERMINATED | MODE_FAILED,
     LEGAL_DoStep = ONLY_CO_SIMULATION | MODE_STEP,

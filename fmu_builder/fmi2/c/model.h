@@ -43,4 +43,9 @@ static int model_check_states(const Model *model, const double *inputs, Message 
 static void model_directional_derivative(const Model *model, const double *values, const double *direction,
                                          double *change);
 
+/** the same at the start, where outputs and states are steady states: change[] for the direction[] of inputs and Real
+    parameters. Called after model_initialise, for the same values[]. */
+static int model_start_derivative(const Model *model, const double *values, const double *direction, double *change,
+                                  Message *message);
+
 #endif

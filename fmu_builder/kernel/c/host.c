@@ -2,6 +2,7 @@
 
 #include "elementary.c"
 #include "kernel.c"
+#include "steady_tangent.c"
 
 EXPORTED int llmn_state_size(const Tables *tables) { return kernel_state_size(tables); }
 
@@ -19,6 +20,12 @@ EXPORTED void llmn_outputs(const Tables *tables, const double *state, const doub
 
 EXPORTED double llmn_feedthrough(const Tables *tables, const double *state, int output, int input) {
     return kernel_feedthrough(tables, state, output, input);
+}
+
+EXPORTED int llmn_start_tangent(
+    const Tables *tables, const double *state, const double *inputs, const double *direction, double *scratch,
+    double *tangent, double *change) {
+    return kernel_start_tangent(tables, state, inputs, direction, scratch, tangent, change);
 }
 
 /* Row k: the outputs read after inputs[k] were set and before the tick that uses them. 1 = no steady state for row 0. */

@@ -2,6 +2,7 @@
 #include "elementary.c"
 #include "message.c"
 #include "kernel.c"
+#include "steady_tangent.c"
 #include "tables.h"
 #include "variables.h"
 #include "llmn_model.c"

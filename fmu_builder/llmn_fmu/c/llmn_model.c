@@ -91,3 +91,14 @@ static void model_directional_derivative(const Model *model, const double *value
         }
     }
 }
+
+static int model_start_derivative(const Model *model, const double *values, const double *direction, double *change,
+                                  Message *message)
+{
+    double scratch[TABLES_STATE_SIZE], tangent[TABLES_STATE_SIZE];
+    if (kernel_start_tangent(&tables, model->state, values, direction, scratch, tangent, change + LLMN_FIRST_OUTPUT)) {
+        message_append(message, "the steady state has no derivative: an eigenvalue of A is 1");
+        return 1;
+    }
+    return 0;
+}

@@ -48,3 +48,16 @@ static void model_directional_derivative(
     wbm_outputs_tangent(&model->constants, model->state, dx, du, change + VARIABLE_xi);
     wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_der_phi_1);
 }
+
+/* The equilibrium follows the inputs; velocities and accelerations stay zero, and inner_step has no part in it. */
+static int model_start_derivative(
+    const Model *model, const double *values, const double *direction, double *change, Message *message
+) {
+    const double inputs[INPUTS] = {values[VARIABLE_eta], values[VARIABLE_M_pa]};
+    const double du[INPUTS] = {direction[VARIABLE_eta], direction[VARIABLE_M_pa]};
+    double dx[STATE_COUNT];
+    (void)message;
+    wbm_equilibrium_tangent(&model->constants, model->state, inputs, du, dx);
+    wbm_outputs_tangent(&model->constants, model->state, dx, du, change + VARIABLE_xi);
+    return 0;
+}

@@ -115,31 +115,57 @@ static double wbm_angle_at(const Model *model, double height) {
     return 0.5 * (low + high);
 }
 
-/* Newton step of (phi1, delta, xi) towards zero acceleration, by Cramer's rule; returns the determinant, which is
-   negative where the equilibrium is stable (it is -det K / det M). */
-static double wbm_newton_step(const Constants *k, const double *x, const double *u, double *change) {
-    static const int coordinate[3] = {STATE_PHI_1, STATE_DELTA, STATE_XI};
+/* The states that stand at rest, and the change of their accelerations with them: j[row][column]. */
+static const int wbm_coordinate[3] = {STATE_PHI_1, STATE_DELTA, STATE_XI};
+
+static void wbm_stiffness(const Constants *k, const double *x, const double *u, double j[3][3]) {
     const double no_input[INPUTS] = {0.0, 0.0};
-    double j[3][3], rate[STATE_COUNT], r[3], determinant;
     int row, column;
-    wbm_derivatives(k, x, u, rate);
     for (column = 0; column < 3; ++column) {
         double direction[STATE_COUNT] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, d_rate[STATE_COUNT];
-        direction[coordinate[column]] = 1.0;
+        direction[wbm_coordinate[column]] = 1.0;
         wbm_derivatives_tangent(k, x, u, direction, no_input, d_rate);
-        for (row = 0; row < 3; ++row) j[row][column] = d_rate[coordinate[row] + 1];
+        for (row = 0; row < 3; ++row) j[row][column] = d_rate[wbm_coordinate[row] + 1];
     }
-    for (row = 0; row < 3; ++row) r[row] = -rate[coordinate[row] + 1];
-    determinant = j[0][0] * (j[1][1] * j[2][2] - j[1][2] * j[2][1])
-                - j[0][1] * (j[1][0] * j[2][2] - j[1][2] * j[2][0])
-                + j[0][2] * (j[1][0] * j[2][1] - j[1][1] * j[2][0]);
-    change[0] = (r[0] * (j[1][1] * j[2][2] - j[1][2] * j[2][1]) - j[0][1] * (r[1] * j[2][2] - j[1][2] * r[2])
-                 + j[0][2] * (r[1] * j[2][1] - j[1][1] * r[2])) / determinant;
-    change[1] = (j[0][0] * (r[1] * j[2][2] - j[1][2] * r[2]) - r[0] * (j[1][0] * j[2][2] - j[1][2] * j[2][0])
-                 + j[0][2] * (j[1][0] * r[2] - r[1] * j[2][0])) / determinant;
-    change[2] = (j[0][0] * (j[1][1] * r[2] - r[1] * j[2][1]) - j[0][1] * (j[1][0] * r[2] - r[1] * j[2][0])
-                 + r[0] * (j[1][0] * j[2][1] - j[1][1] * j[2][0])) / determinant;
+}
+
+/* x = j^-1 r by Cramer's rule; returns the determinant. */
+static double wbm_cramer(double j[3][3], const double r[3], double x[3]) {
+    const double determinant = j[0][0] * (j[1][1] * j[2][2] - j[1][2] * j[2][1])
+                             - j[0][1] * (j[1][0] * j[2][2] - j[1][2] * j[2][0])
+                             + j[0][2] * (j[1][0] * j[2][1] - j[1][1] * j[2][0]);
+    x[0] = (r[0] * (j[1][1] * j[2][2] - j[1][2] * j[2][1]) - j[0][1] * (r[1] * j[2][2] - j[1][2] * r[2])
+            + j[0][2] * (r[1] * j[2][1] - j[1][1] * r[2])) / determinant;
+    x[1] = (j[0][0] * (r[1] * j[2][2] - j[1][2] * r[2]) - r[0] * (j[1][0] * j[2][2] - j[1][2] * j[2][0])
+            + j[0][2] * (j[1][0] * r[2] - r[1] * j[2][0])) / determinant;
+    x[2] = (j[0][0] * (j[1][1] * r[2] - r[1] * j[2][1]) - j[0][1] * (j[1][0] * r[2] - r[1] * j[2][0])
+            + r[0] * (j[1][0] * j[2][1] - j[1][1] * j[2][0])) / determinant;
     return determinant;
+}
+
+/* Newton step of (phi1, delta, xi) towards zero acceleration; returns the determinant, which is negative where the
+   equilibrium is stable (it is -det K / det M). */
+static double wbm_newton_step(const Constants *k, const double *x, const double *u, double *change) {
+    double j[3][3], rate[STATE_COUNT], r[3];
+    int row;
+    wbm_derivatives(k, x, u, rate);
+    wbm_stiffness(k, x, u, j);
+    for (row = 0; row < 3; ++row) r[row] = -rate[wbm_coordinate[row] + 1];
+    return wbm_cramer(j, r, change);
+}
+
+/* Change dx of the static equilibrium x for a change du of the inputs: the accelerations stay zero. */
+static void wbm_equilibrium_tangent(
+    const Constants *k, const double *x, const double *u, const double *du, double *dx
+) {
+    double j[3][3], rate[STATE_COUNT], r[3], change[3];
+    int n;
+    for (n = 0; n < STATE_COUNT; ++n) dx[n] = 0.0;
+    wbm_derivatives_tangent(k, x, u, dx, du, rate);
+    wbm_stiffness(k, x, u, j);
+    for (n = 0; n < 3; ++n) r[n] = -rate[wbm_coordinate[n] + 1];
+    (void)wbm_cramer(j, r, change);
+    for (n = 0; n < 3; ++n) dx[wbm_coordinate[n]] = change[n];
 }
 
 /* Residual V1 - M + F_H z1 of the lower arm at rest, with the pan-head and the knee in balance:

@@ -36,18 +36,22 @@ static double lti_derivative(const Model *model, const double *inputs, int row)
     return lti_A[row][0] * model->state[0] + lti_A[row][1] * model->state[1] + lti_forcing(model, inputs, row);
 }
 
-static int model_initialise(Model *model, const double *inputs, Message *message)
+/** steady[] = A^-1 (first, second) */
+static void lti_settle(double first, double second, double *steady)
 {
     const double determinant = lti_A[0][0] * lti_A[1][1] - lti_A[0][1] * lti_A[1][0];
-    const double first = -lti_forcing(model, inputs, 0);
-    const double second = -lti_forcing(model, inputs, 1);
+    steady[0] = (lti_A[1][1] * first - lti_A[0][1] * second) / determinant;
+    steady[1] = (lti_A[0][0] * second - lti_A[1][0] * first) / determinant;
+}
+
+static int model_initialise(Model *model, const double *inputs, Message *message)
+{
     if (inputs[VARIABLE_drive] > 5.0) {
         message_append(message, "no steady state for drive = ");
         message_append_number(message, inputs[VARIABLE_drive]);
         return 1;
     }
-    model->state[0] = (lti_A[1][1] * first - lti_A[0][1] * second) / determinant;
-    model->state[1] = (lti_A[0][0] * second - lti_A[1][0] * first) / determinant;
+    lti_settle(-lti_forcing(model, inputs, 0), -lti_forcing(model, inputs, 1), model->state);
     return 0;
 }
 
@@ -110,4 +114,23 @@ static void model_directional_derivative(const Model *model, const double *value
     change[VARIABLE_scaled] = model->scale * dx[1];
     change[VARIABLE_mixed] = 4.0 * dx[0] - 5.0 * dx[1] + 0.5 * du[1];
     change[VARIABLE_reciprocal] = -du[1] / (values[VARIABLE_load] * values[VARIABLE_load]);
+}
+
+/** refused for drives above 4, to have a case that is */
+static int model_start_derivative(const Model *model, const double *values, const double *direction, double *change,
+                                  Message *message)
+{
+    const double du[2] = {direction[VARIABLE_drive], direction[VARIABLE_load]};
+    double dx[2];
+    if (values[VARIABLE_drive] > 4.0) {
+        message_append(message, "no derivative at this drive");
+        return 1;
+    }
+    lti_settle(-lti_forcing(model, du, 0), -lti_forcing(model, du, 1), dx);
+    change[VARIABLE_x_1] = dx[0];
+    change[VARIABLE_x_2] = dx[1];
+    change[VARIABLE_scaled] = model->scale * dx[1] + direction[VARIABLE_scale] * model->state[1];
+    change[VARIABLE_mixed] = 4.0 * dx[0] - 5.0 * dx[1] + 0.5 * du[1];
+    change[VARIABLE_reciprocal] = -du[1] / (values[VARIABLE_load] * values[VARIABLE_load]);
+    return 0;
 }

@@ -89,7 +89,7 @@ def fit_output_error(
         lambda search: problem.cost(problem.from_search(search, start)),
         lambda search: problem.normal_equations(problem.from_search(search, start), free),
         first,
-        _box(problem, first, free),
+        box(problem, first, free),
         settings.iterations,
         settings.tolerance,
         settings.largest_step,
@@ -103,8 +103,14 @@ def fit_output_error(
     )
 
 
-def _box(problem: OutputErrorProblem, start: Array, free: Free) -> tuple[Array, Array]:
-    """Return the bounds; what may not move has both of them where it is."""
+def box(problem: OutputErrorProblem, start: Array, free: Free) -> tuple[Array, Array]:
+    """Return the bounds of the search vector; what may not move has both of them where it is.
+
+    Args:
+        problem: Says which bounds there are.
+        start: The search vector at the start.
+        free: What may move.
+    """
     lower, upper = problem.bounds
     moves = np.ones(start.size, dtype=bool)
     rows = moves[: start.size - problem.schedule_size].reshape(problem.local_models, -1)  # a view

@@ -175,6 +175,7 @@ class Pass:
         gram: J'J, (columns, columns); empty without sensitivities.
         simulated: z, (N, q); empty unless asked for.
         jacobian: J itself without weights, (N, q, columns); empty unless asked for.
+        blocks: J'r of every whole block of rows by itself, (blocks, columns); empty unless asked for.
     """
 
     cost: float
@@ -182,6 +183,7 @@ class Pass:
     gram: Array
     simulated: Array
     jacobian: Array
+    blocks: Array
 
 
 def equilibrium(models: BlendedModels, experiment: Experiment) -> tuple[Array, Array]:
@@ -228,6 +230,7 @@ def run(
     sensitivities: bool = False,
     simulate: bool = False,
     jacobian: bool = False,
+    block_rows: int = 0,
 ) -> Pass:
     """Simulate one experiment from the steady state of its first inputs, and compare it with the target.
 
@@ -238,6 +241,7 @@ def run(
         sensitivities: Whether gradient and Gauss-Newton matrix are wanted (about ten times the work).
         simulate: Whether the simulated signals are wanted.
         jacobian: Whether the Jacobian is wanted, N * q * columns numbers; implies `sensitivities`.
+        block_rows: Rows of a block whose J'r is wanted; 0 for none; implies `sensitivities`.
 
     Returns:
         The pass; if the simulation is no longer finite, its cost is infinite and the rest is not to be used.
@@ -247,7 +251,7 @@ def run(
             holds.
         BuildError: The recursion cannot be compiled.
     """
-    wanted = sensitivities or jacobian
+    wanted = sensitivities or jacobian or block_rows > 0
     if not wanted:
         models = models.plain
     arrays, sizes = _prepared(models, experiment, observation)
@@ -261,6 +265,7 @@ def run(
     scratch = np.empty(library.output_error_scratch(ctypes.byref(problem)))
     simulated = np.empty(shape if simulate else (0, shape[1]))
     slopes = np.empty((*shape, columns) if jacobian else (0, shape[1], columns))
+    blocks = np.zeros((shape[0] // block_rows if block_rows else 0, columns))
     gradient, gram, cost = np.zeros(columns), np.zeros((columns, columns)), ctypes.c_double()
     status = library.output_error(
         ctypes.byref(problem),
@@ -269,12 +274,15 @@ def run(
         ctypes.byref(cost),
         *(array.ctypes.data_as(_Pointer) if wanted else None for array in (gradient, gram)),
         slopes.ctypes.data_as(_Pointer) if jacobian else None,
+        blocks.ctypes.data_as(_Pointer) if block_rows else None,
+        block_rows,
     )
     if status < 0:
         what = "has more states or signals than the compiled recursion holds"
         raise IdentificationError.of("output error", what, "Raise MAXIMUM_STATES and MAXIMUM_OBSERVED")
     value = cost.value if status == 0 else float("inf")
-    return Pass(value, gradient, np.triu(gram) + np.triu(gram, 1).T, simulated, slopes)
+    by_block = np.diff(blocks, axis=0, prepend=0.0)
+    return Pass(value, gradient, np.triu(gram) + np.triu(gram, 1).T, simulated, slopes, by_block)
 
 
 def _prepared(
@@ -335,5 +343,5 @@ def _library() -> ctypes.CDLL:
     library.output_error_scratch.restype = ctypes.c_long
     library.output_error_scratch.argtypes = [ctypes.POINTER(_Problem)]
     library.output_error.restype = ctypes.c_long
-    library.output_error.argtypes = [ctypes.POINTER(_Problem), _Pointer, _Pointer, *[_Pointer] * 4]
+    library.output_error.argtypes = [ctypes.POINTER(_Problem), *[_Pointer] * 7, ctypes.c_long]
     return library

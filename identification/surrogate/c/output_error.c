@@ -291,11 +291,12 @@ EXPORTED long output_error_scratch(const Problem *p)
 }
 
 /* One pass over the rows. `simulated` [N][q] may be null; `gradient` [columns] and `gram` [columns][columns] (upper
- * triangle) may be null together: then no sensitivities are computed; `sensitivities` [N][q][columns] may be null. All
- * outputs are overwritten. Returns 0, or 1 + the row at which the simulation was no longer finite (the outputs are then
+ * triangle) may be null together: then no sensitivities are computed; `sensitivities` [N][q][columns] and `blocks`
+ * [N / block_rows][columns], the gradient up to the end of every whole block, may be null. All outputs are
+ * overwritten. Returns 0, or 1 + the row at which the simulation was no longer finite (the outputs are then
  * incomplete), or -1 if a size is beyond its maximum. */
 EXPORTED long output_error(const Problem *p, double *scratch, double *simulated, double *cost, double *gradient,
-                           double *gram, double *sensitivities)
+                           double *gram, double *sensitivities, double *blocks, long block_rows)
 {
     const long n = p->states;
     const long columns = all_columns(p);
@@ -342,6 +343,9 @@ EXPORTED long output_error(const Problem *p, double *scratch, double *simulated,
         if (slopes) {
             for (long c = 0; c < n; c++) {
                 if (v[c] != 0.0) add_row(gradient, v[c], S + c * wide, columns);
+            }
+            if (blocks && (k + 1) % block_rows == 0) {
+                for (long j = 0; j < columns; j++) blocks[(k + 1) / block_rows * columns - columns + j] = gradient[j];
             }
             for (long r = 0; r < p->rank; r++) {
                 combine(batch + (filled * p->rank + r) * wide, p->factor + r * n, S, n, wide);

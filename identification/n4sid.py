@@ -132,7 +132,7 @@ def identify(
     chosen = settings or N4sidSettings()
     centres = chosen.positions
     _refuse_unlike(experiments, (*chosen.inputs, *chosen.outputs))
-    groups = _grouped(experiments, centres, chosen)
+    groups = by_centre(experiments, chosen)
     models, found = [], []
     for centre, group in zip(centres, groups, strict=True):
         try:
@@ -233,8 +233,15 @@ def _refuse_unlike(experiments: Sequence[DataSet], names: Sequence[str]) -> None
         raise DataError(found)
 
 
-def _grouped(experiments: Sequence[DataSet], centres: Array, settings: N4sidSettings) -> list[list[DataSet]]:
-    """Return the experiments of every centre, in the order of their content (not of the list)."""
+def by_centre(experiments: Sequence[DataSet], settings: N4sidSettings) -> list[list[DataSet]]:
+    """Return the experiments of every centre, in the order of their content (not of the list).
+
+    Raises:
+        DataError: No column of the scheduling input.
+        IdentificationError: Settings that contradict each other, experiments away from every centre, centres
+            without one; all at once.
+    """
+    centres = settings.positions
     missing = [name for name in settings.inputs if name not in settings.operating_point]
     found = [
         Problem(f"operating_point.{name}", "is missing", f"Give the operating point of {name}")

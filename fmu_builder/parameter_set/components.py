@@ -203,6 +203,31 @@ class Quantity(Part):
     unit: Text
 
 
+class SurrogateCertainty(Part):
+    """How sure the physical parameters of a surrogate are.
+
+    Attributes:
+        physical_errors: Per local model, name to standard error of `physical`, in the parameter's unit; names
+            without one are left out. From leaving out tenths of the operating-point data.
+        tuned_errors: The same of `tuned`, from the sensitivities and residuals over the training data; none
+            of a parameter at a bound, none at all beyond a condition of 1e8.
+        correlations: Of `tuned`, per local model, in the order of its names; empty where not all are known.
+        condition: Of the Fisher matrix scaled to unit diagonal; None: it is singular.
+        partial: Per state and local model, name to Fisher information with the state taken as given (thesis
+            eq. 5.1-5.2), per squared unit of the parameter, the state in its standard deviation.
+        coupled: The same with the coupling over time (eq. 5.3).
+        remarks: What cannot be told, in words.
+    """
+
+    physical_errors: tuple[dict[str, Number], ...]
+    tuned_errors: tuple[dict[str, Number], ...]
+    correlations: tuple[tuple[tuple[Number, ...], ...], ...] = ()
+    condition: Number | None
+    partial: dict[str, tuple[dict[str, Number], ...]]
+    coupled: dict[str, tuple[dict[str, Number], ...]]
+    remarks: tuple[Text, ...] = ()
+
+
 class SurrogateParameters(Part):
     """The physical parameters behind the local models of a surrogate; the FMU does not compute with them.
 
@@ -217,6 +242,7 @@ class SurrogateParameters(Part):
         starts: Per local model, what led to the physical values: "closed form" or "random".
         recommended: Which of the two is recommended.
         reason: Why, in a sentence.
+        certainty: Standard errors and what they rest on, where they were asked for.
     """
 
     structure: Literal["chain7", "chain8", "chain9", "chain10"]
@@ -228,3 +254,4 @@ class SurrogateParameters(Part):
     starts: tuple[Text, ...] = ()
     recommended: Literal["physical", "tuned"] = "tuned"
     reason: Text = ""
+    certainty: SurrogateCertainty | None = None

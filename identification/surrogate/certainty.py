@@ -63,7 +63,8 @@ def certainty(problem: OutputErrorProblem, parameters: NetworkParameters) -> Cer
 
     The covariance is H^-1 S H^-1 with H = sum J'W J of the cost of eq. 3.39 and S = sum s_b s_b' over the
     gradients s_b of stretches of data that are long against the correlation of the residuals (Huber 1967;
-    White 1982, with clusters). Where the residuals are white noise that is what the Fisher information says of this cost.
+    White 1982, with clusters). Where the residuals are white noise that is what the Fisher information says
+    of this cost.
 
     Args:
         problem: The data that `parameters` were found on.

@@ -11,12 +11,14 @@ from fmu_builder.errors import IdentificationError, Problem
 from identification.arrays import Array
 from identification.data_set import DataSet
 from identification.n4sid import LocalModels
+from identification.surrogate.certainty import certainty
 from identification.surrogate.chain import INPUT_NAMES, Head
 from identification.surrogate.frequency_response import (
     FrequencyResponseFit,
     fit_frequency_response,
     input_spectrum,
 )
+from identification.surrogate.jackknife import physical_errors
 from identification.surrogate.output_error import OutputErrorFit, fit_output_error
 from identification.surrogate.problem import SIGNALS, NetworkParameters
 from identification.surrogate.result import Recommendation, SurrogateResult
@@ -35,6 +37,7 @@ def identify(
     head: Head,
     settings: SurrogateSettings | None = None,
     validation: Sequence[DataSet] = (),
+    operating_points: Sequence[DataSet] = (),
 ) -> SurrogateResult:
     """Return a surrogate with the centres, range and static map of local black-box models.
 
@@ -49,6 +52,8 @@ def identify(
         settings: What is asked for; default chain8, theta blended.
         validation: Whole-range experiments that decide which theta is recommended; without them the training
             data do, and the result says so.
+        operating_points: The data that the local models came from; without them the physical theta has no
+            standard errors.
 
     Raises:
         DataError: Columns are missing.
@@ -61,7 +66,8 @@ def identify(
         experiment.select((*INPUT_NAMES, *SIGNALS))
     criterion = criterion_of(training, local.static_map, head, chosen.output_error.contact_force_weight)
     frame = Frame(chosen, local, head, tuple(float(centre) for centre in local.centres), criterion)
-    responses = _responses(frame, training)
+    spectrum = _spectrum(frame, training)
+    responses = _responses(frame, spectrum)
     used = cut(training, chosen.training_rows)
     physical = _completed(frame, used, np.stack([fit.theta for fit in responses]))
     tuning = _tuned(frame, used, physical) if chosen.output_error.enabled else None
@@ -69,6 +75,13 @@ def identify(
     problem = frame.problem(used)
     data = [{"name": one.name, "content_hash": one.content_hash} for one in training]
     judges = [{"name": one.name, "content_hash": one.content_hash} for one in validation]
+    errors = certain = None
+    if chosen.standard_errors:
+        certain = certainty(problem, tuned)
+        if operating_points:
+            errors = physical_errors(
+                local, operating_points, spectrum, problem.structure, head, chosen.frequency_response
+            )
     known = {"training": data, "validation": judges, "settings": chosen.model_dump(mode="json")}
     return SurrogateResult(
         frame=frame,
@@ -79,17 +92,23 @@ def identify(
         tuning=tuning,
         fit_before=frame.fit(problem, physical, used),
         fit_after=frame.fit(problem, tuned, used),
+        physical_errors=errors,
+        certainty=certain,
         provenance={"surrogate": known},
     )
 
 
-def _responses(frame: Frame, training: Sequence[DataSet]) -> tuple[FrequencyResponseFit, ...]:
-    """Fit every local model to its frequency response, weighted by the excitation of the training data."""
-    settings = frame.settings.frequency_response
+def _spectrum(frame: Frame, training: Sequence[DataSet]) -> Array:
+    """Return the excitation of the training data, by which frequency responses are weighted."""
+    frequencies = frame.settings.frequency_response.frequencies()
     sample_time = frame.local.models[0].sample_time
-    frequencies = settings.frequencies()
     spectra = [input_spectrum(data.matrix(INPUT_NAMES), sample_time, frequencies) for data in training]
-    spectrum = np.mean(spectra, axis=0)
+    return np.asarray(np.mean(spectra, axis=0))
+
+
+def _responses(frame: Frame, spectrum: Array) -> tuple[FrequencyResponseFit, ...]:
+    """Fit every local model to its frequency response."""
+    settings = frame.settings.frequency_response
     structure = STRUCTURES[frame.settings.structure]
     return tuple(
         fit_frequency_response(model, spectrum, structure, frame.head, settings)

@@ -8,13 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fmu_builder.parameter_set import Partition, Quantity, SurrogateParameters
+from fmu_builder.parameter_set import Partition, Quantity, SurrogateCertainty, SurrogateParameters, nested
 from identification.arrays import Array
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.n4sid import LocalModels
 from identification.network import partition_of
-from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, Head
+from identification.surrogate.certainty import Certainty
+from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, STATE_NAMES, Head
 from identification.surrogate.frequency_response import FrequencyResponseFit
 from identification.surrogate.output_error import OutputErrorFit
 from identification.surrogate.problem import NetworkParameters, OutputErrorProblem
@@ -59,6 +60,9 @@ class SurrogateResult:
         tuning: The output-error fit of the last stage, None if it was not asked for.
         fit_before: FIT on the training data [%] with `physical_parameters`, by signal.
         fit_after: The same with `tuned_parameters`.
+        physical_errors: Standard errors of `physical`, (M, P), None if they were not asked for or the
+            operating-point data were not given.
+        certainty: How sure `tuned` is, None if that was not asked for.
         provenance: Names and content hashes of the training data, settings.
     """
 
@@ -70,6 +74,8 @@ class SurrogateResult:
     tuning: OutputErrorFit | None
     fit_before: Mapping[str, float]
     fit_after: Mapping[str, float]
+    physical_errors: Array | None = None
+    certainty: Certainty | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -119,6 +125,14 @@ class SurrogateResult:
     def theta(self, which: Which) -> Array:
         """Return one of the two thetas, (M, P)."""
         return self.parameters_of(which).theta
+
+    def standard_errors(self, which: Which) -> Array:
+        """Return the standard errors of one of the thetas, (M, P); NaN where there are none."""
+        if which == "physical":
+            found = self.physical_errors
+        else:
+            found = None if self.certainty is None else self.certainty.standard_errors
+        return np.full(self.tuned.shape, np.nan) if found is None else found
 
     def at_bound(self, which: Which) -> tuple[dict[str, str], ...]:
         """Return per local model the parameters that stand at a bound, with `lower` or `upper`."""
@@ -177,4 +191,27 @@ class SurrogateResult:
             starts=tuple(fit.start for fit in self.responses),
             recommended=self.recommended,
             reason=self.reason,
+            certainty=self._certainty(),
+        )
+
+    def _certainty(self) -> SurrogateCertainty | None:
+        told, names = self.certainty, self.structure.names
+
+        def table(values: Array) -> tuple[dict[str, float], ...]:
+            return tuple(
+                {name: value for name, value in zip(names, row, strict=True) if np.isfinite(value)}
+                for row in values.tolist()
+            )
+
+        if told is None:
+            return None
+        correlations = nested(told.correlations) if np.isfinite(told.correlations).all() else ()
+        return SurrogateCertainty(
+            physical_errors=table(self.standard_errors("physical")),
+            tuned_errors=table(told.standard_errors),
+            correlations=correlations,
+            condition=told.condition if np.isfinite(told.condition) else None,
+            partial={name: table(rows) for name, rows in zip(STATE_NAMES, told.partial, strict=True)},
+            coupled={name: table(rows) for name, rows in zip(STATE_NAMES, told.coupled, strict=True)},
+            remarks=told.remarks,
         )

@@ -36,6 +36,7 @@ class SurrogateSettings(BaseModel):
         frequency_response: The fit that gives the physical theta and, unless said otherwise, the start of the
             tuning.
         output_error: The tuning.
+        standard_errors: Whether standard errors are computed (Fisher information, jackknife).
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -51,6 +52,7 @@ class SurrogateSettings(BaseModel):
     training_rows: tuple[int, int] | None = None
     frequency_response: FrequencyResponseSettings = FrequencyResponseSettings()
     output_error: OutputErrorSettings = OutputErrorSettings()
+    standard_errors: bool = True
 
     @model_validator(mode="after")
     def _fits_together(self) -> SurrogateSettings:

@@ -170,7 +170,8 @@ def _surrogate(
     head = surrogate.Head(m_C=chosen["mC"], k_C=chosen["k_C"], c_C=chosen["c_C"], k_E=chosen["k_E"])
     training = [item.data for item in data.select("whole_range", "train")]
     validation = [item.data for item in data.having("whole_range", "validation")]
-    result = surrogate.identify(local, training, head, validation=validation)
+    heights = [item.data for item in data.select("operating_point", "train")]
+    result = surrogate.identify(local, training, head, validation=validation, operating_points=heights)
     parameter_set = surrogate.network(identifier("surrogate", wbm), result, forces)
     route = "frequency response" + (", output error" if result.recommended == "tuned" else "")
     labels = _labels(wbm, parameter_set, structure=result.settings.structure, route=route)

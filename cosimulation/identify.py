@@ -286,12 +286,14 @@ def _surrogate(
     head = surrogates.Head(**settings.head.model_dump())
     training = [item.data for item in data.select("whole_range", "train")]
     validation = [item.data for item in data.having("whole_range", "validation")]
-    result = surrogates.identify(local, training, head, settings.surrogate, validation)
+    heights = [item.data for item in data.select("operating_point", "train")]
+    result = surrogates.identify(local, training, head, settings.surrogate, validation, heights)
     parameter_set = surrogates.network(settings.name, result, derived_outputs(settings))
     diagnostics = {
         "theta": f"{result.recommended} ({result.reason})",
         "start": [fit.start + (f" ({fit.fallback})" if fit.fallback else "") for fit in result.responses],
         "at a bound": [dict(row) for row in result.at_bound(result.recommended)],
         "FIT on training data [%]": dict(result.fit_after),
+        "how sure": list(result.certainty.remarks) if result.certainty else [],
     }
     return parameter_set, diagnostics

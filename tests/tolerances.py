@@ -71,5 +71,5 @@ OUTPUT_PARTITION = 0.01  # m/m: the contact spring takes up what the force at re
 SAME_FIT = 1e-6  # percentage points: the same search twice, matrix products may round by where arrays lie
 SCATTER = 0.3  # natural log: 50 seeds know a standard deviation to 10 %, the largest of 16 to 25 %
 JACKKNIFE = (
-    0.7  # natural log: ten groups know a standard deviation to 25 %, 16 seeds to 18 %, of eight the largest
+    0.7  # natural log: ten groups know a standard deviation to 25 %, 12 seeds to 20 %, of eight the largest
 )

@@ -142,8 +142,7 @@ static long find_cell(const Problem *p, long cell, double r)
 /* Weights at row k for the state x, and the sums over the models. */
 static void schedule(const Problem *p, long k, const double *x, Blend *b)
 {
-    const long a = p->states * p->states;
-    const long u = p->states * p->others;
+    const long a = p->states * p->states, u = p->states * p->others;
     if (p->nodes) {
         const double low = p->positions[0];
         const double high = p->positions[p->models - 1];
@@ -241,9 +240,7 @@ static void advance_model(const Problem *p, long model, const double *x, const d
 static void advance_slopes(const Problem *p, const Blend *b, const double *x, const double *u, const double *dr,
                            const double *S, double *next, double *scratch)
 {
-    const long n = p->states;
-    const long P = p->parameters;
-    const long length = padded(p);
+    const long n = p->states, P = p->parameters, length = padded(p);
     for (long r = 0; r < n; r++) combine(next + r * length, b->A + r * n, S, n, length);
     for (long i = 0; i < b->count && P > 0; i++) {
         const long model = b->first + i;
@@ -257,8 +254,7 @@ static void advance_slopes(const Problem *p, const Blend *b, const double *x, co
         distribute(p, b, i, scratch, next);
     }
     if (b->slope != 0.0 && dr) {
-        double first[MAXIMUM_STATES];
-        double second[MAXIMUM_STATES];
+        double first[MAXIMUM_STATES], second[MAXIMUM_STATES];
         advance_model(p, b->first, x, u, first);
         advance_model(p, b->first + 1, x, u, second);
         add_schedule_slope(p, b, first, second, dr, next);
@@ -283,6 +279,17 @@ static void offset_slopes(const Problem *p, const Blend *b, double *S)
     }
 }
 
+/* rows = E S: [q][columns] of the observed signals. */
+static void observe_slopes(const Problem *p, const double *S, double *rows)
+{
+    const long columns = all_columns(p);
+    for (long s = 0; s < p->observed; s++) {
+        double *row = rows + s * columns;
+        for (long j = 0; j < columns; j++) row[j] = 0.0;
+        for (long c = 0; c < p->states; c++) add_row(row, p->observation[s * p->states + c], S + c * padded(p), columns);
+    }
+}
+
 /* Doubles of scratch that `output_error` needs. */
 EXPORTED long output_error_scratch(const Problem *p)
 {
@@ -298,9 +305,7 @@ EXPORTED long output_error_scratch(const Problem *p)
 EXPORTED long output_error(const Problem *p, double *scratch, double *simulated, double *cost, double *gradient,
                            double *gram, double *sensitivities, double *blocks, long block_rows)
 {
-    const long n = p->states;
-    const long columns = all_columns(p);
-    const long wide = padded(p);
+    const long n = p->states, columns = all_columns(p), wide = padded(p);
     const int slopes = gradient != 0 && gram != 0;
     const int moving = p->gain != 0.0 || p->gain_column; /* the state also schedules */
     double *S = scratch;
@@ -311,13 +316,8 @@ EXPORTED long output_error(const Problem *p, double *scratch, double *simulated,
     double *dr = batch + BATCH * p->rank * wide;
     double *sum = dr + wide;
     double *model_slopes = sum + wide * wide;
-    double x[MAXIMUM_STATES];
-    double seen[MAXIMUM_STATES];
-    double next[MAXIMUM_STATES];
-    double g_held[MAXIMUM_STATES];
-    double u[MAXIMUM_STATES];
-    double v[MAXIMUM_STATES];
-    double z[MAXIMUM_OBSERVED];
+    double x[MAXIMUM_STATES], seen[MAXIMUM_STATES], next[MAXIMUM_STATES], g_held[MAXIMUM_STATES];
+    double u[MAXIMUM_STATES], v[MAXIMUM_STATES], z[MAXIMUM_OBSERVED];
     long filled = 0;
     Blend b;
 
@@ -344,9 +344,8 @@ EXPORTED long output_error(const Problem *p, double *scratch, double *simulated,
             for (long c = 0; c < n; c++) {
                 if (v[c] != 0.0) add_row(gradient, v[c], S + c * wide, columns);
             }
-            if (blocks && (k + 1) % block_rows == 0) {
-                for (long j = 0; j < columns; j++) blocks[(k + 1) / block_rows * columns - columns + j] = gradient[j];
-            }
+            double *block = blocks && (k + 1) % block_rows == 0 ? blocks + ((k + 1) / block_rows - 1) * columns : 0;
+            for (long j = 0; j < columns && block; j++) block[j] = gradient[j];
             for (long r = 0; r < p->rank; r++) {
                 combine(batch + (filled * p->rank + r) * wide, p->factor + r * n, S, n, wide);
             }
@@ -354,11 +353,7 @@ EXPORTED long output_error(const Problem *p, double *scratch, double *simulated,
                 accumulate(batch, filled * p->rank, wide, sum);
                 filled = 0;
             }
-            for (long s = 0; s < p->observed && sensitivities; s++) {
-                double *row = sensitivities + (k * p->observed + s) * columns;
-                for (long j = 0; j < columns; j++) row[j] = 0.0;
-                for (long c = 0; c < n; c++) add_row(row, p->observation[s * n + c], S + c * wide, columns);
-            }
+            if (sensitivities) observe_slopes(p, S, sensitivities + k * p->observed * columns);
         }
 
         const double change = k > 0 ? p->scheduling[k] - p->scheduling[k - 1] : 0.0;

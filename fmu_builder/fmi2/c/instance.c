@@ -88,7 +88,7 @@ static const struct {
 enum { LOG_CATEGORIES = sizeof log_categories / sizeof log_categories[0] };
 
 /** hand "function: message" to the caller's logger, if its category is wanted; returns the status */
-static fmi2Status instance_log(const Instance *instance, fmi2Status status, const Message *message)
+static COLD fmi2Status instance_log(const Instance *instance, fmi2Status status, const Message *message)
 {
     const unsigned kind = status == fmi2Error     ? LOG_ERROR
                           : status == fmi2Discard ? LOG_DISCARD
@@ -110,14 +110,14 @@ static fmi2Status instance_log(const Instance *instance, fmi2Status status, cons
 }
 
 /** log message + text as an error */
-static fmi2Status instance_error(const Instance *instance, Message *message, const char *text)
+static COLD fmi2Status instance_error(const Instance *instance, Message *message, const char *text)
 {
     message_append(message, text);
     return instance_log(instance, fmi2Error, message);
 }
 
 /** log message + text: where an integrator asks, a smaller step may help, otherwise it is an error */
-static fmi2Status instance_refuse(const Instance *instance, Message *message, const char *text)
+static COLD fmi2Status instance_refuse(const Instance *instance, Message *message, const char *text)
 {
     message_append(message, text);
     return instance_log(instance, instance->slave.mode == MODE_CONTINUOUS ? fmi2Discard : fmi2Error, message);
@@ -203,7 +203,7 @@ static int is_outside(fmi2ValueReference vr, double value)
 }
 
 /** message + "NAME = value is outside [minimum, maximum]" */
-static void message_append_outside(Message *message, fmi2ValueReference vr, double value)
+static COLD void message_append_outside(Message *message, fmi2ValueReference vr, double value)
 {
     message_append(message, variable_name[vr]);
     message_append(message, " = ");

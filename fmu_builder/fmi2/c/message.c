@@ -1,5 +1,12 @@
 /* Text for the logger without a C library. Too long a text is cut. */
 
+/* What only runs when something is said: kept small and out of the way of what runs in every step. */
+#if defined(__GNUC__)
+#define COLD __attribute__((cold, noinline))
+#else
+#define COLD
+#endif
+
 enum { MESSAGE_CAPACITY = 512 };
 
 typedef struct {
@@ -15,7 +22,7 @@ static void message_clear(Message *message)
 }
 
 /** message + text; % and # become ' because loggers give them a meaning */
-static void message_append(Message *message, const char *text)
+static COLD void message_append(Message *message, const char *text)
 {
     while (*text != '\0' && message->length + 1 < MESSAGE_CAPACITY) {
         const char letter = *text++;
@@ -28,7 +35,7 @@ static void message_append(Message *message, const char *text)
 }
 
 /** message + value as a decimal integer */
-static void message_append_integer(Message *message, long long value)
+static COLD void message_append_integer(Message *message, long long value)
 {
     char digits[24];
     unsigned first = sizeof digits - 1;
@@ -45,7 +52,7 @@ static void message_append_integer(Message *message, long long value)
 }
 
 /** message + 0.d1..d6 10^(exponent + 1) without trailing zeros: plain where short, else with an exponent */
-static void message_append_digits(Message *message, long digits, int exponent)
+static COLD void message_append_digits(Message *message, long digits, int exponent)
 {
     const int plain = exponent >= -5 && exponent < 6;
     char text[32];
@@ -83,7 +90,7 @@ static void message_append_digits(Message *message, long digits, int exponent)
 }
 
 /** message + value with six significant digits */
-static void message_append_number(Message *message, double value)
+static COLD void message_append_number(Message *message, double value)
 {
     double size = value < 0.0 ? -value : value;
     int exponent = 0;

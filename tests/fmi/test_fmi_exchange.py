@@ -117,21 +117,40 @@ def test_planted_fault_is_caught(fault: str, tmp_path: Path) -> None:
         check_events_off_the_grid(library)
 
 
-@given(st.lists(st.floats(1e-5, 0.004), min_size=1, max_size=25), st.integers(0, 1000))
+@given(
+    st.lists(st.tuples(st.floats(1e-5, 0.004), st.booleans()), min_size=1, max_size=25),
+    st.integers(0, 1000),
+)
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_events_give_what_the_same_communication_points_give(
-    sampled_library: ctypes.CDLL, steps: list[float], seed: int
+    sampled_library: ctypes.CDLL, steps: list[tuple[float, bool]], seed: int
 ) -> None:
+    """Whether the importer sets the inputs in event mode or just before it."""
     exchange, stepping = ticking(sampled_library).run(), ticking(sampled_library, kind=CO_SIMULATION)
     time = 0.0
-    for k, step in enumerate(steps):
+    for k, (step, before) in enumerate(steps):
         assert stepping.step(time, step) == OK
         time += step
         stepping.set(INPUTS, wavy(seed + k))
-        exchange.event(time, INPUTS, wavy(seed + k))
+        if before:
+            assert exchange.set_time(time) == OK
+            exchange.set(INPUTS, wavy(seed + k))
+            exchange.event(time)
+        else:
+            exchange.event(time, INPUTS, wavy(seed + k))
         assert exchange.get(SHOWN) == stepping.get(SHOWN)
     exchange.free()
     stepping.free()
+
+
+def test_an_event_a_little_late_still_starts_its_tick(new_sampled: NewSlave) -> None:
+    """Some importers trigger a time event only once the time has passed it."""
+    slave, stepping = new_sampled(kind=MODEL_EXCHANGE).start().run(), new_sampled().start()
+    for k in range(20):
+        slave.event((k + 1) * lti.SAMPLE_TIME + 3e-9, INPUTS, wavy(k))
+        assert stepping.step(k * lti.SAMPLE_TIME, lti.SAMPLE_TIME) == OK
+        stepping.set(INPUTS, wavy(k))
+        assert slave.get(SHOWN) == stepping.get(SHOWN)
 
 
 def test_event_information_of_a_sampled_model(new_sampled: NewSlave) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
 import pytest
@@ -12,6 +13,7 @@ from fmi import lti
 from fmi.conftest import GUID
 from fmi.lti import VR
 from fmi.raw import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, WARNING, Slave
+from fmu_builder.fmi2 import model_description
 
 NewSlave = Callable[..., Slave]
 
@@ -302,6 +304,14 @@ def test_status_questions_that_have_no_answer_are_discarded(new_slave: NewSlave)
     assert slave.GetBooleanStatus(3, ctypes.byref(flag)) == OK
     assert flag.value == 0
     assert slave.GetStatus(0, None) == ERROR
+
+
+def test_every_log_category_of_the_description_is_known(new_slave: NewSlave) -> None:
+    root = ET.fromstring(model_description(lti.INTERFACE, GUID))
+    listed = [category.get("name", "") for category in root.iter("Category")]
+    assert len(listed) == 5
+    names = (ctypes.c_char_p * len(listed))(*[name.encode() for name in listed])
+    assert new_slave().SetDebugLogging(1, ctypes.c_size_t(len(listed)), names) == OK
 
 
 def test_log_categories(new_slave: NewSlave) -> None:

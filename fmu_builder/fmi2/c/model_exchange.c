@@ -149,21 +149,21 @@ FMI2_Export fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], si
 
 FMI2_Export fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
 {
-    fmi2ValueReference vr[STATE_SLOTS];
-    fmi2Status status;
     Message message;
     Instance *instance = instance_of(c, LEGAL_GetDerivatives, "fmi2GetDerivatives", &message);
     if (instance == NULL || !instance_has_states(instance, derivatives, nx, &message)) {
         return fmi2Error;
     }
     for (size_t k = 0; k < nx; ++k) {
-        vr[k] = continuous_state[k].derivative;
+        const fmi2Status status = instance_prepare(instance, &continuous_state[k].derivative, 1, &message);
+        if (status != fmi2OK) {
+            return status;
+        }
     }
-    status = instance_prepare(instance, vr, nx, &message);
-    for (size_t k = 0; status == fmi2OK && k < nx; ++k) {
-        derivatives[k] = instance->slave.values[vr[k]];
+    for (size_t k = 0; k < nx; ++k) {
+        derivatives[k] = instance->slave.values[continuous_state[k].derivative];
     }
-    return status;
+    return fmi2OK;
 }
 
 FMI2_Export fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x_nominal[], size_t nx)

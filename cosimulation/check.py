@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosimulation.progress import SILENT, Reporter
-from fmu_builder.check import Options, Report, check_fmu
+from fmu_builder.check import Options, Report, check_fmu, check_image
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class CheckResult:
 def check_files(
     files: Sequence[Path], static: bool = False, time_limit: float = 60.0, reporter: Reporter = SILENT
 ) -> CheckResult:
-    """Check FMUs.
+    """Check FMUs one by one; of several, the sources are also linked into one image.
 
     Args:
         files: The FMUs.
@@ -46,4 +46,7 @@ def check_files(
     for file in files:
         reporter.say(f"checking {file}")
         reports.append(check_fmu(file, options))
+    if len(files) > 1 and not static:
+        image = check_image(files, time_limit)
+        reports.extend([image] if image.checked else [])
     return CheckResult(tuple(reports))

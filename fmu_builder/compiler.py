@@ -216,6 +216,36 @@ def compile_shared_library(
             shutil.copyfile(library, temporary)
 
 
+def run_compiler(
+    arguments: Sequence[str], folder: Path, time_limit: float, language: str = "cc"
+) -> subprocess.CompletedProcess[str]:
+    """Call the compiler with other flags than ours, for sources of others.
+
+    Args:
+        arguments: Flags and files, as clang takes them.
+        folder: Where it runs.
+        time_limit: After which it is ended [s].
+        language: "cc" or "c++".
+
+    Raises:
+        BuildError: There is no compiler, or it does not come to an end.
+    """
+    program, _ = _zig()
+    try:
+        return subprocess.run(
+            [str(program), language, *arguments],
+            cwd=folder,
+            env=_environment(),
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=time_limit,
+        )
+    except (OSError, subprocess.TimeoutExpired) as reason:
+        mend = "Compile these sources alone to see why"
+        raise BuildError.of("C compiler", f"does not come to an end ({reason})", mend) from reason
+
+
 def source_files(unity: Path, include: Sequence[Path] = ()) -> Iterator[tuple[str, Path]]:
     """Yield (name in the include line, path) of a unity file and all it includes in quotes, each once.
 

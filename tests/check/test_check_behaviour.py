@@ -1,0 +1,191 @@
+"""Defects planted in the C code, one FMU each: they are found, and crashes stay in their process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from check.defects import entries_of, finding, replaced, with_description, write
+from check.planted import Changes, with_binary
+from fmu_builder.check import Options, Severity, check_fmu
+from fmu_builder.check.behaviour.worker import EXPERIMENTS
+from fmu_builder.compiler import host_platform
+
+ENDLESS = "    volatile int on = 1;\n    while (on) {\n    }\n"
+BEGIN = "    const double begin = slave_position(slave, time);\n"
+OUTPUTS = "    model_outputs(&slave->model, slave->values);\n"
+WHILE_DUE = "    while (slave_tick_is_due(slave, end)) {\n"
+ONE_MORE = "    if (begin <= 0.0) { (void)model_tick(&slave->model, slave->latched, message); }\n"
+SHARED = "    static double last;\n    model->state[0] = first + 1e-3 * (last - first);\n    last = first;\n"
+POINTER = "    *(fmi2FMUstate *)(void *)serializedState = FMUstate;\n"
+FROM_POINTER = (
+    "    *FMUstate = *(const fmi2FMUstate *)(const void *)bytes;\n"
+    "    if (size > 0) {\n        return fmi2OK;\n    }\n"
+    "    const char *trouble = snapshot_check(bytes, size);\n"
+)
+
+# name of the defect -> (rule that must find it, experiment, changes)
+DEFECTS: dict[str, tuple[str, str, Changes]] = {
+    "wrong GUID accepted": (
+        "wrong-guid", "wrong GUID",
+        (("functions.c", "fmuGUID == NULL || !same_text(fmuGUID, MODEL_GUID)", "fmuGUID == NULL"),),
+    ),
+    "first output shifted: nothing before the first step": (
+        "first-output", "first output",
+        (("slave.c", OUTPUTS, "    if (slave->time > slave->start_time) {\n    " + OUTPUTS + "    }\n"),),
+    ),
+    "first output shifted: nothing before the first tick": (
+        "first-output", "first output",
+        (("slave.c", OUTPUTS, "    if (slave->tick > 0) {\n    " + OUTPUTS + "    }\n"),),
+    ),
+    "first output shifted: one tick too many at the start": (
+        "first-output", "first output",
+        (("slave.c", WHILE_DUE, ONE_MORE + WHILE_DUE),),
+    ),
+    "first output shifted: the first step does nothing": (
+        "first-output", "first output", (("slave.c", "    slave->tick = 0;\n", "    slave->tick = 1;\n"),),
+    ),
+    "one tick per step whatever its size": (
+        "step-size", "communication steps", (("slave.c", WHILE_DUE, WHILE_DUE.replace("while", "if")),),
+    ),
+    "multiples of the tick demanded": (
+        "step-size", "communication steps",
+        (("slave.c", "    } else if (step <= 0.0) {",
+          "    } else if (step < 0.999 * slave->sample_time) {"),),
+    ),
+    "tick lost after an hour": (
+        "tick-lost", "an hour",
+        (("slave.c", "#define TICK_TOLERANCE 0.01\n", "#define TICK_TOLERANCE 1e-6\n"),),
+    ),
+    "tick lost in a time of its own": (
+        "tick-lost", "an hour",
+        (("slave.c", "#define TICK_TOLERANCE 0.01\n", "#define TICK_TOLERANCE 1e-6\n"),
+         ("slave.c", BEGIN, "    time = slave->time;\n" + BEGIN)),
+    ),
+    "state with pointers": (
+        "state-bytes", "state in another process",
+        (("saved_states.c",
+          "    snapshot_write((const Slave *)FMUstate, (unsigned char *)serializedState);\n", POINTER),
+         ("saved_states.c", "    const char *trouble = snapshot_check(bytes, size);\n", FROM_POINTER)),
+    ),
+    "length of a state not checked": (
+        "state-length", "state",
+        (("saved_states.c",
+          "    snapshot_write((const Slave *)FMUstate, (unsigned char *)serializedState);\n", POINTER),
+         ("saved_states.c", "    const char *trouble = snapshot_check(bytes, size);\n", FROM_POINTER)),
+    ),
+    "state without the inputs": (
+        "state", "state",
+        (("saved_states.c", "    instance->slave = *(const Slave *)FMUstate;\n",
+          "    instance->slave.model = ((const Slave *)FMUstate)->model;\n"),),
+    ),
+    "instances share memory": (
+        "two-instances", "two instances", (("lti_model.c", "    model->state[0] = first;\n", SHARED),),
+    ),
+    "reset forgets nothing": (
+        "reset", "reset",
+        (("functions.c", "    slave_reset(&instance->slave);\n    for",
+          "    instance->slave.mode = MODE_INSTANTIATED;\n    for"),),
+    ),
+    "step after terminate": (
+        "step-after-terminate", "illegal calls",
+        (("instance.c", "LEGAL_DoStep = ", "LEGAL_DoStep = MODE_TERMINATED | "),),
+    ),
+    "unknown value references read": (
+        "crash", "illegal calls",
+        (("instance.c", "if (vr[k] >= VARIABLE_COUNT) {", "if (vr[k] == 0 && count > 99) {"),),
+    ),
+    "not-a-number accepted": (
+        "not-a-number", "illegal calls",
+        (("instance.c", "    } else if (!is_finite(value)) {", "    } else if (causality > 99) {"),
+         ("instance.c", "        if (!is_finite(instance->slave.values[vr[k]]))", "        if (vr[k] > 99)")),
+    ),
+    "steps of no length": (
+        "step-zero", "illegal calls",
+        (("slave.c", "    } else if (step <= 0.0) {", "    } else if (step < 0.0) {"),),
+    ),
+    "steps backwards": (
+        "step-illegal", "illegal calls",
+        (("slave.c", "    } else if (step <= 0.0) {", "    } else if (step < -1e300) {"),),
+    ),
+    "setting does not store": (
+        "set-get", "set and get",
+        (("instance.c", "    instance->slave.values[vr] = value;\n",
+          "    instance->slave.values[vr] = 1.5 * value;\n"),),
+    ),
+    "errors without a word": (
+        "no-message", "illegal calls",
+        (("instance.c", "    if (instance->logger != NULL && (instance->logged & kind) != 0) {",
+          "    if (instance->logger != NULL && status == fmi2OK) {"),),
+    ),
+    "does not return": (
+        "hang", "run", (("lti_model.c", "    if (inputs[VARIABLE_drive] > 8.0) {\n",
+                         ENDLESS + "    if (inputs[VARIABLE_drive] > 8.0) {\n"),),
+    ),
+    "ends the process": (
+        "crash", "run", (("lti_model.c", "    const double determinant =",
+                          "    void exit(int);\n    exit(3);\n    const double determinant ="),),
+    ),
+    "prints": (
+        "prints", "run", (("lti_model.c", "    const double determinant =",
+                           '    int puts(const char *);\n    puts("x");\n    const double determinant ='),),
+    ),
+}  # fmt: skip
+
+
+def only(experiment: str, time_limit: float = 60.0) -> Options:
+    needed = ("state", "communication steps", experiment)
+    chosen = needed if experiment in ("state in another process", "an hour") else (experiment,)
+    return Options(sources=False, experiments=chosen, time_limit=time_limit)
+
+
+def test_nothing_is_found_on_the_right_fmu(right_fmu: Path) -> None:
+    report = check_fmu(right_fmu, Options(sources=False, time_limit=600.0))
+    assert report.findings == (), report.text()
+    assert set(EXPERIMENTS) <= set(report.checked)
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_planted_defect_is_found(defect: str, right_fmu: Path, tmp_path: Path) -> None:
+    rule, experiment, changes = DEFECTS[defect]
+    options = only(experiment, 5.0 if rule == "hang" else 60.0)
+    found = finding(with_binary(right_fmu, tmp_path, changes), rule, options)
+    assert found.what and found.mend and "FMI 2.0.4" in found.paragraph
+
+
+def test_after_a_crash_the_other_calls_are_still_made(right_fmu: Path, tmp_path: Path) -> None:
+    """NULL is dereferenced by four calls, and steps backwards are accepted: all five are said."""
+    changes = (
+        ("instance.c", "(count > 0 && (vr == NULL || values == NULL))", "(count > 99 && values == NULL)"),
+        ("slave.c", "    } else if (step <= 0.0) {", "    } else if (step < -1e300) {"),
+    )
+    report = check_fmu(with_binary(right_fmu, tmp_path, changes), only("illegal calls"))
+    crashes = {item.place: item.severity for item in report.findings if item.rule == "crash"}
+    assert set(crashes) == {
+        f"fmi2{verb}Real with {what} NULL"
+        for verb in ("Get", "Set")
+        for what in ("value references", "values")
+    }
+    assert set(crashes.values()) == {Severity.WARNING}
+    assert any(item.rule == "step-illegal" for item in report.findings)
+
+
+def test_an_input_that_acts_at_once_without_being_named_is_found(right_fmu: Path, tmp_path: Path) -> None:
+    change = replaced('index="5" dependencies="2"', 'index="5" dependencies=""')
+    fmu = with_description(right_fmu, tmp_path / "lti_test.fmu", change)
+    found = finding(fmu, "hidden-feedthrough", only("set and get"))
+    assert "'mixed'" in found.place and "'load'" in found.what
+
+
+def test_a_description_of_another_binary_is_found(right_fmu: Path, tmp_path: Path) -> None:
+    fmu = with_description(right_fmu, tmp_path / "a.fmu", replaced('guid="{', 'guid="{0'))
+    found = finding(fmu, "instantiate", only("run"))
+    assert "GUID is not that of this FMU" in found.what
+
+
+def test_without_a_binary_for_this_machine_that_is_said(right_fmu: Path, tmp_path: Path) -> None:
+    gone = f"binaries/{host_platform()}/"
+    entries = {name: c for name, c in entries_of(right_fmu).items() if not name.startswith(gone)}
+    fmu = write(tmp_path / "lti_test.fmu", entries.items())
+    assert finding(fmu, "not-run", Options(sources=False)).severity is Severity.NOTE

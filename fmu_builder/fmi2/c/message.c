@@ -34,21 +34,31 @@ static COLD void message_append(Message *message, const char *text)
     message->text[message->length] = '\0';
 }
 
-/** message + value as a decimal integer */
+/** message + value as a decimal integer; without division, which 32-bit processors leave to a library for 64 bits */
 static COLD void message_append_integer(Message *message, long long value)
 {
     char digits[24];
-    unsigned first = sizeof digits - 1;
+    unsigned length = 0;
     unsigned long long rest = value < 0 ? 0ull - (unsigned long long)value : (unsigned long long)value;
-    digits[first] = '\0';
-    do {
-        digits[--first] = (char)('0' + (int)(rest % 10u));
-        rest /= 10u;
-    } while (rest != 0);
     if (value < 0) {
-        digits[--first] = '-';
+        digits[length++] = '-';
     }
-    message_append(message, digits + first);
+    for (int place = 18; place >= 0; --place) { /* 10^18 is the largest power below 2^63 */
+        unsigned digit = 0;
+        unsigned long long unit = 1;
+        for (int k = 0; k < place; ++k) {
+            unit *= 10u;
+        }
+        while (rest >= unit) {
+            rest -= unit;
+            ++digit;
+        }
+        if (digit != 0 || place == 0 || (length > 0 && digits[length - 1] != '-')) {
+            digits[length++] = (char)('0' + (int)digit);
+        }
+    }
+    digits[length] = '\0';
+    message_append(message, digits);
 }
 
 /** message + 0.d1..d6 10^(exponent + 1) without trailing zeros: plain where short, else with an exponent */

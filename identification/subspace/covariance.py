@@ -37,7 +37,8 @@ class LaggedSums:
     def covariance(self, depth: int) -> Array:
         """Return the covariance of all windows of `depth` samples inside one experiment.
 
-        The mean of the windows is taken off (which projects constants out), not that of the whole record.
+        The mean of the windows is taken off, of every experiment its own (which projects a constant per
+        experiment out), not that of the whole record.
 
         Args:
             depth: Samples per window, at most `deepest` and the samples of the longest experiment; shorter
@@ -48,8 +49,7 @@ class LaggedSums:
         """
         channels = self.experiments[0].shape[0]
         total = np.zeros((depth, depth, channels, channels))
-        mean = np.zeros(depth * channels)
-        windows = 0
+        means: list[tuple[int, Array]] = []
         for signals, sums in zip(self.experiments, self._sums, strict=True):
             count = signals.shape[1] - depth + 1
             if count < 1:
@@ -59,14 +59,14 @@ class LaggedSums:
             starts = np.cumsum(signals[:, : depth - 1], axis=1)
             window_sums = np.repeat(signals[:, :count].sum(axis=1)[:, None], depth, axis=1)
             window_sums[:, 1:] += ends - starts
-            mean += window_sums.T.ravel()
-            windows += count
+            means.append((count, window_sums.T.ravel() / count))
         lower = np.tril_indices(depth, -1)
         total[lower] = total.transpose(1, 0, 3, 2)[lower]
         size = depth * channels
-        mean /= windows
+        windows = sum(count for count, _ in means)
         covariance = total.transpose(0, 2, 1, 3).reshape(size, size) / windows
-        covariance -= np.outer(mean, mean)
+        for count, mean in means:
+            covariance -= (count / windows) * np.outer(mean, mean)
         return np.asarray(0.5 * (covariance + covariance.T))
 
 
@@ -140,21 +140,22 @@ def factor_by_qr(experiments: Sequence[Array], depth: int, order: Array, floors:
     Returns:
         L, shape (n, n), with L L' = covariance of the chosen entries + diag(floors^2).
     """
-    upper = np.zeros((0, order.size + 1))
+    used = [signals for signals in experiments if signals.shape[1] >= depth]
+    upper = np.zeros((0, order.size + len(used)))
     windows = 0
-    for signals in experiments:
+    for number, signals in enumerate(used):
         count = signals.shape[1] - depth + 1
-        if count < 1:
-            continue
         view = np.lib.stride_tricks.sliding_window_view(signals, depth, axis=1)
         for first in range(0, count, _CHUNK):
             chunk = view[:, first : first + _CHUNK].transpose(1, 2, 0).reshape(-1, depth * signals.shape[0])
-            rows = np.column_stack([np.ones(len(chunk)), chunk[:, order]])
+            ones = np.zeros((len(chunk), len(used)))
+            ones[:, number] = 1.0
+            rows = np.column_stack([ones, chunk[:, order]])
             upper = scipy.linalg.qr(np.vstack([upper, rows]), mode="r", overwrite_a=True)[0]
-            upper = upper[: order.size + 1]
+            upper = upper[: order.size + len(used)]
         windows += count
-    # the column of ones comes first: below its row the mean is gone
-    kept = upper[1:, 1:] / np.sqrt(windows)
+    # a column of ones per experiment comes first: below their rows the means are gone
+    kept = upper[len(used) :, len(used) :] / np.sqrt(windows)
     noise = np.diag(floors)[floors > 0.0]
     if noise.size:
         kept = scipy.linalg.qr(np.vstack([kept, noise]), mode="r")[0][: order.size]

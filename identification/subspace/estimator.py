@@ -28,15 +28,16 @@ def estimate(
 ) -> LocalModel:
     """Return the local linear model of one operating point.
 
-    1. Means removed (they are the operating point), signals scaled by their standard deviation.
+    1. Means removed, of every experiment its own (all together they are the operating point); signals scaled
+       by their standard deviation.
     2. Future outputs explained by instruments from the past, future inputs projected out, weighted: the
        strongest n directions span the extended observability matrix (`projection`). Window length and order
        are chosen from the data unless given (`choices`).
     3. C is its first block row, A solves its shift invariance.
     4. If asked for, poles are reflected into the unit circle, and a model of high order is reduced in
        balanced coordinates; only A and C of the reduced model are used.
-    5. B (and D), the initial states and what the means leave of the output operating point by least squares
-       on the simulated output.
+    5. B (and D), the initial states and what the means leave of the output operating point, a constant per
+       experiment, by least squares on the simulated output.
 
     Args:
         experiments: Data sets of the same signals at the same operating point.
@@ -159,7 +160,7 @@ def _unscaled(
         data.names[:inputs],
         data.names[inputs:],
         data.input_mean,
-        data.output_mean + result.offset * data.output_scale,
+        data.output_mean + data.shares @ result.offsets * data.output_scale,
         diagnostics,
     )
     diagnostics["spectral_radius"] = model.spectral_radius

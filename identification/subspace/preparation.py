@@ -22,14 +22,17 @@ _EXCITED = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class ScaledData:
-    """Experiments as deviations from their common mean, in units of their standard deviation.
+    """Experiments as deviations, each from its own mean, in units of their standard deviation.
+
+    Own means, because sensors drift from one experiment to the next: such a constant would look like a slow
+    state. In the data equation a constant per experiment is projected out exactly, however short it is.
 
     Attributes:
         names: Inputs, then outputs.
         sample_time: Ts [s].
         inputs: One (m, samples) array per experiment.
         outputs: One (p, samples) array per experiment.
-        input_mean: Shape (m,); likewise the others.
+        input_mean: Mean of all samples, shape (m,); likewise the others.
     """
 
     names: tuple[str, ...]
@@ -50,6 +53,11 @@ class ScaledData:
     def rows(self) -> int:
         """Samples of all experiments."""
         return sum(one.shape[1] for one in self.inputs)
+
+    @property
+    def shares(self) -> Array:
+        """Part of all samples that every experiment has, shape (experiments,)."""
+        return np.array([one.shape[1] for one in self.inputs]) / self.rows
 
     @cached_property
     def stacked(self) -> list[Array]:
@@ -84,12 +92,13 @@ def prepared(
     values = [np.ascontiguousarray(data.matrix(names).T) for data in experiments]
     count = sum(one.shape[1] for one in values)
     mean = np.sum([one.sum(axis=1) for one in values], axis=0) / count
-    values = [one - mean[:, None] for one in values]
+    values = [one - one.sum(axis=1, keepdims=True) / one.shape[1] for one in values]
     scale = np.sqrt(np.sum([np.einsum("ij,ij->i", one, one) for one in values], axis=0) / count)
     for name, middle, size in zip(names, mean, scale, strict=True):
         if not size > AT_REST * abs(middle):
             mend = "Excite it, or leave it out of the model"
-            found.append(Problem(f"signal {name!r}", "is constant in the training data", mend))
+            where = "the training data" if len(values) == 1 else "every experiment of the training data"
+            found.append(Problem(f"signal {name!r}", f"is constant in {where}", mend))
     if found:
         raise IdentificationError(found)
     for one in values:

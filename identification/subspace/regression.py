@@ -25,14 +25,15 @@ class Regression:
         B: Input matrix, shape (n, m).
         D: Feed-through, shape (p, m); zero unless asked for.
         initial_states: One per experiment, shape (experiments, n).
-        offset: Constant on each output: what the mean leaves of the rest value, shape (p,).
+        offsets: Constant on each output in each experiment: what its mean leaves of the rest value, shape
+            (experiments, p).
         simulated: Outputs of the fitted model, one (p, samples) array per experiment.
     """
 
     B: Array
     D: Array
     initial_states: Array
-    offset: Array
+    offsets: Array
     simulated: list[Array]
 
 
@@ -52,9 +53,10 @@ class Responses(Protocol):
 def fit_inputs(
     A: Array, C: Array, inputs: Sequence[Array], outputs: Sequence[Array], feed_through: bool
 ) -> Regression:
-    """Return B, D, x_0 and a constant per output that minimise |y - yhat|^2 over all experiments.
+    """Return B, D, x_0 and constants that minimise |y - yhat|^2 over all experiments.
 
-    All outputs weigh the same, so they come scaled.
+    Every experiment has its own x_0 and its own constant on each output. All outputs weigh the same, so they
+    come scaled.
 
     Args:
         A: State matrix, stable, shape (n, n).
@@ -72,17 +74,19 @@ def fit_inputs(
         basis = form.basis
         responses = [ModalResponses(form, u) for u in inputs]
     n, m, p, experiments = len(A), inputs[0].shape[0], C.shape[0], len(inputs)
-    states, direct = (m + experiments) * n, p * (1 + m * feed_through)
+    fixed_numbers = experiments + m * feed_through  # of each output: constants, then its row of D
+    states, direct = (m + experiments) * n, p * fixed_numbers
     normal, right = np.zeros((states + direct, states + direct)), np.zeros(states + direct)
     for number, (response, u, y) in enumerate(zip(responses, inputs, outputs, strict=True)):
         shared = np.arange(m * n)
         own = np.concatenate([shared, (m + number) * n + np.arange(n)])
         fixed = np.vstack([np.ones((1, u.shape[1])), u]) if feed_through else np.ones((1, u.shape[1]))
         normal[np.ix_(own, own)] += response.normal()
+        places = np.array([number, *range(experiments, fixed_numbers)])
         moments = response.moments(np.vstack([fixed, y]))
         gram, cross = fixed @ fixed.T, fixed @ y.T
         for o in range(p):
-            at = states + o * len(fixed) + np.arange(len(fixed))
+            at = states + o * fixed_numbers + places
             mixed = moments[o, :, : len(fixed)]
             normal[np.ix_(own, at)] += mixed
             normal[np.ix_(at, own)] += mixed.T
@@ -91,13 +95,17 @@ def fit_inputs(
             right[at] += cross[:, o]
     beta = _solved(normal, right)
     constants = beta[states:].reshape(p, -1)
-    offset, D = constants[:, 0], constants[:, 1:] if feed_through else np.zeros((p, m))
+    offsets, D = (
+        constants[:, :experiments].T,
+        constants[:, experiments:] if feed_through else np.zeros((p, m)),
+    )
     simulated = []
     for number, (response, u) in enumerate(zip(responses, inputs, strict=True)):
         own_states = np.concatenate([beta[: m * n], beta[(m + number) * n :][:n]])
-        simulated.append(response.outputs(own_states) + offset[:, None] + (D @ u if feed_through else 0.0))
+        direct_part = D @ u if feed_through else 0.0
+        simulated.append(response.outputs(own_states) + offsets[number][:, None] + direct_part)
     columns = beta[:states].reshape(m + experiments, n) @ basis.T
-    return Regression(columns[:m].T.copy(), D, columns[m:], offset, simulated)
+    return Regression(columns[:m].T.copy(), D, columns[m:], offsets, simulated)
 
 
 class _StateResponses:

@@ -119,6 +119,49 @@ def test_every_experiment_has_its_own_initial_state() -> None:
     assert same(estimate(moved, *NAMES, FIVE), plant)
 
 
+def drifted(experiments: list[DataSet], steps: tuple[float, ...]) -> list[DataSet]:
+    """Outputs moved by other constants in every experiment, in standard deviations of each output."""
+    moved = []
+    for one, step in zip(experiments, steps, strict=True):
+        values = one.values.copy()
+        values[:, 3:] += step * np.array([1.0, -0.5]) * experiments[0].values[:, 3:].std(axis=0)
+        moved.append(replace(one, values=values))
+    return moved
+
+
+def test_sensors_that_drift_between_experiments_are_not_taken_for_dynamics() -> None:
+    """Lengths 3 : 2 : 1, so that the rest value is moved by the weighted mean of the steps: 0.5 std."""
+    noise = {"angle": 0.05, "speed": 0.05}
+    data = [
+        with_measurement_noise(asymmetric_data(seed, rows), noise, seed)
+        for seed, rows in ((1, 3000), (2, 2000), (3, 1000))
+    ]
+    straight = estimate(data, *NAMES)
+    model = estimate(drifted(data, (3.0, -3.0, 0.0)), *NAMES)
+    assert (model.order, model.diagnostics["block_rows"]) == (5, straight.diagnostics["block_rows"])
+    assert same(model, straight)
+    moved = (model.output_operating_point - straight.output_operating_point) / data[0].values[:, 3:].std(
+        axis=0
+    )
+    np.testing.assert_allclose(moved, [0.5, -0.25], atol=1e-6)
+    np.testing.assert_allclose(
+        model.diagnostics["training_fit"], straight.diagnostics["training_fit"], rtol=0.0, atol=1e-6
+    )
+    exact = estimate(drifted([asymmetric_data(seed, 700) for seed in (1, 2)], (5.0, -2.0)), *NAMES, FIVE)
+    assert same(exact, asymmetric())
+
+
+def test_a_constant_in_every_experiment_excites_nothing() -> None:
+    data = []
+    for seed in (1, 2):
+        one = asymmetric_data(seed, 800)
+        data.append(
+            replace(one, values=np.column_stack([one.values[:, :2], np.full(800, seed), one.values[:, 3:]]))
+        )
+    with pytest.raises(IdentificationError, match="'heat': is constant in every experiment"):
+        estimate(data, *NAMES, FIVE)
+
+
 @settings(max_examples=10, deadline=None)
 @given(exponents=st.lists(st.floats(-5.0, 5.0), min_size=5, max_size=5))
 def test_units_do_not_matter(exponents: list[float]) -> None:
@@ -155,10 +198,9 @@ def test_order_of_channels_does_not_matter() -> None:
 def test_covariance_by_recursion_is_that_of_the_windows() -> None:
     random = np.random.default_rng(2)
     experiments = [random.standard_normal((3, 40)) + 1.0, random.standard_normal((3, 25))]
-    windows = np.concatenate(
-        [[one[:, k : k + 7].T.ravel() for k in range(one.shape[1] - 6)] for one in experiments]
-    )
-    expected = np.cov(windows.T, bias=True)
+    parts = [np.array([one[:, k : k + 7].T.ravel() for k in range(one.shape[1] - 6)]) for one in experiments]
+    windows = np.concatenate([part - part.mean(axis=0) for part in parts])
+    expected = windows.T @ windows / len(windows)
     assert np.allclose(stacked_covariance(experiments, 7), expected, rtol=0, atol=1e-13)
 
 

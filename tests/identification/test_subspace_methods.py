@@ -143,8 +143,8 @@ def test_singular_values_are_those_of_the_projections_by_their_definition(method
     scaled = prepared(data, *NAMES, chosen)
     projection = project(scaled, LaggedSums(scaled.stacked, 2 * s), s, chosen)
     depth = s if method == "MOESP" else 2 * s
-    hankel = np.hstack([windows(one, depth) for one in scaled.stacked])
-    hankel -= hankel.mean(axis=1, keepdims=True)
+    parts = [windows(one, depth) for one in scaled.stacked]
+    hankel = np.hstack([part - part.mean(axis=1, keepdims=True) for part in parts])
     hankel /= np.sqrt(hankel.shape[1])
     blocks = np.arange(len(hankel)).reshape(depth, 5)
     noise = np.diag(np.where(np.arange(len(hankel)) % 5 >= 3, floor, 0.0))

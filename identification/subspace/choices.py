@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -125,14 +125,14 @@ def _automatic_order(
     windows: _Windows, lengths: list[int], settings: SubspaceSettings
 ) -> tuple[int, str, Projection]:
     """Return order, reason, and the decomposition it was read from."""
-    refusals: list[IdentificationError] = []
+    refusals: list[_Refusal] = []
     # windows that fill the data leave nothing to tell states from noise
     roomy = min(PILOT, windows.data.most_block_rows // 2)
     for block_rows in [s for s in lengths if s <= roomy][::-1] or lengths[:1]:
         try:
             seen = windows.at(block_rows)
         except IdentificationError as refused:
-            refusals.append(refused)
+            refusals.append((block_rows, refused))
             continue
         order, why = clear_order(seen.strengths, seen.noise_level)
         most = (block_rows - 1) * seen.outputs
@@ -141,7 +141,7 @@ def _automatic_order(
         if order > most:
             return most, f"as many as high_order and {block_rows} block rows leave of {order}", seen
         return order, why, seen
-    raise refusals[0]
+    raise _all_refused(refusals[-1], refusals)  # the shortest windows ask least of the data
 
 
 def _search(windows: _Windows, lengths: list[int], order: int) -> tuple[Projection, list[tuple[int, float]]]:
@@ -149,7 +149,7 @@ def _search(windows: _Windows, lengths: list[int], order: int) -> tuple[Projecti
     longer, shorter = [s for s in lengths if s >= PILOT], [s for s in lengths if s < PILOT][::-1]
     search: list[tuple[int, float]] = []
     smallest = _UNUSABLE
-    refusals: list[IdentificationError] = []
+    refusals: list[_Refusal] = []
     for s in [*longer, *shorter]:
         if s < PILOT and smallest < _UNUSABLE and longer:
             break
@@ -157,15 +157,28 @@ def _search(windows: _Windows, lengths: list[int], order: int) -> tuple[Projecti
             error = windows.error(s, order)
         except IdentificationError as refused:
             error = _UNUSABLE
-            refusals.append(refused)
+            refusals.append((s, refused))
         search.append((s, error))
         enough = smallest < _UNUSABLE and error >= (1.0 - _GAIN) * smallest
         smallest = min(smallest, error)
         if enough:
             break
     if smallest == _UNUSABLE:
-        raise refusals[0]
+        raise _all_refused(refusals[0], refusals)
     return windows.at(min(search, key=lambda item: item[1])[0]), search
+
+
+_Refusal = tuple[int, IdentificationError]
+"""Block rows and why they were refused."""
+
+
+def _all_refused(shown: _Refusal, refusals: list[_Refusal]) -> IdentificationError:
+    """Return why one of the windows was refused, and which others were no better."""
+    block_rows, refused = shown
+    others = sorted({other for other, _ in refusals} - {block_rows})
+    tried = f" with {block_rows} block rows"
+    tried += f", nor better with {', '.join(map(str, others))}" if others else ""
+    return IdentificationError([replace(one, what=one.what + tried) for one in refused.problems])
 
 
 def _reason(search: list[tuple[int, float]]) -> str:

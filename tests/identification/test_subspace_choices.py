@@ -120,6 +120,21 @@ def test_inputs_that_excite_few_samples_get_short_windows() -> None:
     assert model.diagnostics["excitation"]["samples_in_a_row"] == 2 * model.diagnostics["block_rows"]
 
 
+def test_a_refusal_names_all_windows_that_were_tried() -> None:
+    """A sine excites two samples in a row, and five block rows are the shortest that are tried."""
+    data = asymmetric_data(1, 4000)
+    values = data.values.copy()
+    values[:, 1] = -2.0 + np.sin(2.0 * np.pi * 3.0 * data.time)
+    slow = [replace(data, values=values)]
+    message = r"do not excite 10 samples in a row .* with 5 block rows, nor better with 7, 10, .*, 50\."
+    with pytest.raises(IdentificationError, match=message):
+        estimate(slow, *NAMES)
+    with pytest.raises(IdentificationError, match=r"100 samples .* with 50 block rows, nor better with 5, 7"):
+        estimate(slow, *NAMES, SubspaceSettings(order=5))
+    with pytest.raises(IdentificationError, match=r"do not excite 40 samples in a row"):
+        estimate(slow, *NAMES, SubspaceSettings(order=5, block_rows=20))
+
+
 def test_what_is_set_is_not_chosen() -> None:
     data = three_mass_data(3, duration=6.0)
     model = estimate([data], INPUTS, THREE_MASS_OUTPUTS, SubspaceSettings(order=6, block_rows=31))

@@ -10,9 +10,12 @@ from cosimulation.data_folder import DataFolder
 from cosimulation.settings import toml_value
 from fmu_builder.parameter_set import DerivedOutput, ParameterSet
 from identification.choice import Choice
+from identification.data_set import DataSet
 from identification.n4sid import LocalModels
 from identification.network import NetworkSettings
+from identification.surrogate import SurrogateResult
 from identification.tuning import TuningSettings, tuned_network
+from identification.warning import IdentificationWarning, poor_fits, stray_data
 
 
 class AutomaticNetwork(NamedTuple):
@@ -21,10 +24,12 @@ class AutomaticNetwork(NamedTuple):
     Attributes:
         parameter_set: The network; its provenance holds the choices and the data they were made on.
         choices: Of the network, after those of its local models, by keys of the file of `llmn identify`.
+        warnings: What makes its local models, then the network, doubtful.
     """
 
     parameter_set: ParameterSet
     choices: tuple[Choice, ...]
+    warnings: tuple[IdentificationWarning, ...]
 
 
 def automatic_network(
@@ -59,13 +64,15 @@ def automatic_network(
         *local_choices(local),
         *(replace(choice, name=f"network.{choice.name}") for choice in tuned.choices),
     )
+    warnings = (*local.warnings, *tuned.warnings)
     provenance: dict[str, Any] = {
         **tuned.parameter_set.provenance,
         "choices": [choice.record() for choice in choices],
+        "warnings": [warning.record() for warning in warnings],
     }
     if settings.open_choices:
         provenance["tuning"] = [{"name": one.name, "content_hash": one.content_hash} for one in training]
-    return AutomaticNetwork(tuned.parameter_set.replaced(provenance=provenance), choices)
+    return AutomaticNetwork(tuned.parameter_set.replaced(provenance=provenance), choices, warnings)
 
 
 def local_choices(local: LocalModels) -> tuple[Choice, ...]:
@@ -83,3 +90,21 @@ def choice_lines(choices: Sequence[Choice]) -> list[str]:
         f"{choice.reason}"
         for choice in choices
     ]
+
+
+def warning_lines(warnings: Sequence[IdentificationWarning]) -> list[str]:
+    """Return warnings for a person, nothing where there are none."""
+    return [f"warning: {warning}" for warning in warnings]
+
+
+def surrogate_warnings(
+    result: SurrogateResult, training: Sequence[DataSet]
+) -> tuple[IdentificationWarning, ...]:
+    """Return what whole-range training data say against a surrogate."""
+    known = result.frame.local.settings
+    mend = "Use another structure, or look whether the head is the right one"
+    fits = result.fit_after if result.recommended == "tuned" else result.fit_before
+    return (
+        *stray_data(training, known.scheduling, (known.low, known.high)),
+        *poor_fits("surrogate on whole-range data, ", fits, mend),
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from cosimulation.automatic import automatic_network
+from cosimulation.automatic import automatic_network, surrogate_warnings
 from cosimulation.data_folder import DataFolder
 from cosimulation.fmu_file import OpenFmu
 from cosimulation.linearise import linearise
@@ -18,6 +18,7 @@ from identification.choice import Choice
 from identification.linear import discretised, linear_parameter_set
 from identification.n4sid import LocalModels, N4sidSettings, identify
 from identification.network import AUTOMATIC, THESIS, NetworkSettings, signals_of
+from identification.warning import IdentificationWarning
 
 LINEARISATION_HEIGHT = 1.25
 """Operating point OP45 of the global linear model (thesis 4.8) [m]."""
@@ -56,6 +57,7 @@ class Candidate:
         surrogate: Physical parameters and how they were found, of a surrogate.
         local: The local models, of an n4sid network.
         choices: What was chosen automatically.
+        warnings: What makes it doubtful.
     """
 
     title: str
@@ -65,6 +67,7 @@ class Candidate:
     surrogate: surrogate.SurrogateResult | None = None
     local: LocalModels | None = None
     choices: tuple[Choice, ...] = ()
+    warnings: tuple[IdentificationWarning, ...] = ()
 
     @property
     def name(self) -> str:
@@ -135,7 +138,9 @@ def _n4sid(
     found = automatic_network(identifier(model, wbm), local, data, settings, forces)
     alignment = local.settings.alignment if found.parameter_set.blending == "parameter" else None
     labels = _labels(wbm, found.parameter_set, alignment=alignment)
-    return Candidate(title, found.parameter_set, labels, local=local, choices=found.choices)
+    return Candidate(
+        title, found.parameter_set, labels, local=local, choices=found.choices, warnings=found.warnings
+    )
 
 
 def _linear(
@@ -176,4 +181,7 @@ def _surrogate(
     route = "frequency response" + (", output error" if result.recommended == "tuned" else "")
     labels = _labels(wbm, parameter_set, structure=result.settings.structure, route=route)
     title = f"surrogate, three masses, {len(result.structure.parameters)} parameters"
-    return Candidate(title, parameter_set, labels, surrogate=result)
+    warnings = (*local.warnings, *surrogate_warnings(result, training))
+    provenance = {**parameter_set.provenance, "warnings": [warning.record() for warning in warnings]}
+    parameter_set = parameter_set.replaced(provenance=provenance)
+    return Candidate(title, parameter_set, labels, surrogate=result, warnings=warnings)

@@ -27,6 +27,7 @@ from cosimulation.settings import (
 from fmu_builder.files import write_text
 from fmu_builder.llmn_fmu import build_llmn
 from fmus.wbm import build_wbm
+from identification.warning import IdentificationWarning
 
 WHITE_BOX_SETS = ("A", "Blow")
 SEED = 1
@@ -54,6 +55,18 @@ class SetResult:
     runs: dict[str, tuple[ScoredRun, ...]] = field(default_factory=dict)
     linearisations: tuple[Linearisation, ...] = ()
 
+    @property
+    def warnings(self) -> list[str]:
+        """What makes the models doubtful; what several share, such as local models, once."""
+        holders: dict[IdentificationWarning, list[str]] = {}
+        for candidate in self.candidates:
+            for warning in candidate.warnings:
+                holders.setdefault(warning, []).append(candidate.title)
+        return [
+            f"{titles[0]}: {warning}" if len(titles) == 1 else str(warning)
+            for warning, titles in holders.items()
+        ]
+
 
 @dataclass
 class DemoResult:
@@ -75,7 +88,12 @@ class DemoResult:
 
     def summary(self) -> dict[str, object]:
         """Return the result for a machine."""
-        return {"folder": str(self.folder), "scores": self.scores, "timings": self.timings}
+        return {
+            "folder": str(self.folder),
+            "scores": self.scores,
+            "warnings": self.warnings(),
+            "timings": self.timings,
+        }
 
     def text(self) -> str:
         """Return the contact force's FIT on test data for a person."""
@@ -83,8 +101,13 @@ class DemoResult:
         for label, fits in self.contact_force_fits().items():
             cells = "".join(f"{fits[one.wbm]:>9.2f}" if one.wbm in fits else f"{'-':>9}" for one in self.sets)
             lines.append(f"{label:<44}{cells}")
+        lines += [f"warning: {wbm}, {warning}" for wbm, found in self.warnings().items() for warning in found]
         lines.append(f"report: {self.folder / 'report.html'}")
         return "\n".join(lines)
+
+    def warnings(self) -> dict[str, list[str]]:
+        """Return what makes models doubtful by white-box set."""
+        return {one.wbm: one.warnings for one in self.sets}
 
     def contact_force_fits(self) -> dict[str, dict[str, float]]:
         """Return label -> white-box set -> FIT of F_p on test data."""

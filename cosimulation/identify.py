@@ -9,7 +9,13 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from cosimulation.automatic import automatic_network, choice_lines, local_choices
+from cosimulation.automatic import (
+    automatic_network,
+    choice_lines,
+    local_choices,
+    surrogate_warnings,
+    warning_lines,
+)
 from cosimulation.data_folder import DataFolder, load_data_folder
 from cosimulation.pantograph import DESCRIPTIONS, force_outputs
 from cosimulation.progress import SILENT, Reporter
@@ -23,6 +29,7 @@ from identification.n4sid import LocalModels, N4sidSettings, identify
 from identification.network import AUTOMATIC, NetworkSettings
 from identification.static_map import StaticMap
 from identification.tuning import TuningSettings
+from identification.warning import IdentificationWarning
 
 
 class HeadSettings(Section):
@@ -104,6 +111,7 @@ class Identified:
         parameter_set: The network.
         local: The local models it was made of, or from whose frequency response.
         choices: What was chosen automatically.
+        warnings: What makes it doubtful.
         diagnostics: More, by name.
     """
 
@@ -112,6 +120,7 @@ class Identified:
     parameter_set: ParameterSet
     local: LocalModels
     choices: tuple[Choice, ...]
+    warnings: tuple[IdentificationWarning, ...]
     diagnostics: dict[str, Any]
 
     def summary(self) -> dict[str, object]:
@@ -121,6 +130,7 @@ class Identified:
             "page": None if self.page is None else str(self.page),
             "model_hash": self.parameter_set.model_hash(),
             "choices": [choice.record() for choice in self.choices],
+            "warnings": [warning.record() for warning in self.warnings],
             "diagnostics": {
                 **{
                     f"local model at {self.local.place(index)}": model.diagnostics
@@ -148,6 +158,7 @@ class Identified:
             *choice_lines(self.choices),
             "",
             *_local_model_lines(self.local),
+            *warning_lines(self.warnings),
         ]
         lines += [f"{key}: {_readable(value)}" for key, value in self.diagnostics.items()]
         lines += ["", f"parameter set: {self.path}"]
@@ -169,7 +180,8 @@ def _local_model_lines(local: LocalModels) -> list[str]:
         row = f"{local.place(index):<20}{model.order:>7}{found['block_rows']:>12}"
         row += f"{model.spectral_radius:>17.6f}{'':>22}"
         fits = zip(found["training_fit"], widths, strict=True)
-        lines.append(row + "".join(f"{fit:>{width}.3f}" for fit, width in fits))
+        cells = (f"{'at rest':>{width}}" if fit is None else f"{fit:>{width}.3f}" for fit, width in fits)
+        lines.append(row + "".join(cells))
     return lines
 
 
@@ -220,22 +232,23 @@ def identify_from_folder(settings: IdentifySettings, reporter: Reporter = SILENT
     diagnostics: dict[str, Any] = {}
     if settings.method == "surrogate":
         reporter.say("fitting physical parameters")
-        parameter_set, diagnostics = _surrogate(settings, data, local)
-        choices = (*before, *local_choices(local))
+        parameter_set, diagnostics, against = _surrogate(settings, data, local)
+        choices, warnings = (*before, *local_choices(local)), (*local.warnings, *against)
     else:
         reporter.say("blending them")
-        parameter_set, choices = automatic_network(
+        parameter_set, choices, warnings = automatic_network(
             settings.name, local, data, settings.network, derived_outputs(settings), settings.tuning, before
         )
     provenance = {
         **parameter_set.provenance,
         "choices": [choice.record() for choice in choices],
+        "warnings": [warning.record() for warning in warnings],
         "identify": _asked(settings),
         "origin": dict(data.origin),
     }
     path, page = settings.files
     result = Identified(
-        path, page, parameter_set.replaced(provenance=provenance), local, choices, diagnostics
+        path, page, parameter_set.replaced(provenance=provenance), local, choices, warnings, diagnostics
     )
     _write(result)
     return result
@@ -279,7 +292,7 @@ def _write(result: Identified) -> None:
 
 def _surrogate(
     settings: IdentifySettings, data: DataFolder, local: LocalModels
-) -> tuple[ParameterSet, dict[str, Any]]:
+) -> tuple[ParameterSet, dict[str, Any], tuple[IdentificationWarning, ...]]:
     if settings.head is None:
         mend = "Add a table [head] with m_C, k_C, c_C, k_E"
         raise SettingsError.of("head", "a surrogate needs the collector head, which is not identified", mend)
@@ -296,4 +309,4 @@ def _surrogate(
         "FIT on training data [%]": dict(result.fit_after),
         "how sure": list(result.certainty.remarks) if result.certainty else [],
     }
-    return parameter_set, diagnostics
+    return parameter_set, diagnostics, surrogate_warnings(result, training)

@@ -21,6 +21,7 @@ from identification.static_map import StaticMap
 from identification.subspace import SubspaceSettings, estimate
 from identification.subspace.alignment import HORIZON, Alignment, in_common_coordinates
 from identification.validity import cell_widths, equidistant_centres
+from identification.warning import IdentificationWarning
 
 _OFF_CENTRE = 0.1
 """How far an experiment may be from its centre, in cells."""
@@ -93,6 +94,17 @@ class LocalModels:
             Choice(f"subspace.{one['name']}", one["value"], one["reason"], self.place(index))
             for index, model in enumerate(self.models)
             for one in model.diagnostics.get("choices", ())
+        )
+
+    @property
+    def warnings(self) -> tuple[IdentificationWarning, ...]:
+        """What makes local models doubtful."""
+        return tuple(
+            IdentificationWarning(
+                f"local model at {self.place(index)}, {one['place']}", one["what"], one["mend"]
+            )
+            for index, model in enumerate(self.models)
+            for one in model.diagnostics.get("warnings", ())
         )
 
     def place(self, index: int) -> str:

@@ -119,6 +119,14 @@ class Objective:
         errors = self.residuals(candidate)
         return np.inf if errors is None else float(errors @ errors)
 
+    def fits(self, candidate: Candidate) -> dict[str, float]:
+        """Return FIT by signal [%], minus infinity where the network runs away."""
+        errors = self.residuals(candidate)
+        if errors is None:
+            return dict.fromkeys(self.names, -np.inf)
+        squares = (errors.reshape(-1, len(self.names)) ** 2).sum(axis=0)
+        return dict(zip(self.names, (100.0 * (1.0 - np.sqrt(squares))).tolist(), strict=True))
+
     def percent(self, cost: float) -> float:
         """Return a cost as root mean square over the signals, in per cent of their size (100 - FIT)."""
         return float(100.0 * np.sqrt(cost / len(self.names)))

@@ -18,6 +18,7 @@ from identification.network import NetworkSettings
 from identification.objective import Candidate, Objective, transformed
 from identification.subspace import balancing_transform
 from identification.surrogate.least_squares import Minimum, NormalEquations, minimise
+from identification.warning import IdentificationWarning, poor_fits, stray_data
 
 _STEP = 1e-4
 """Of the one-sided differences, in coordinates of order one: far above rounding, far below what matters."""
@@ -55,12 +56,14 @@ class TunedNetwork(NamedTuple):
         settings: The settings with every choice filled in.
         local: The local models in the state coordinates that were chosen; with `settings` they give the
             network again.
+        warnings: What whole-range training data say against the network.
     """
 
     parameter_set: ParameterSet
     choices: tuple[Choice, ...]
     settings: NetworkSettings
     local: LocalModels
+    warnings: tuple[IdentificationWarning, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,9 @@ def tuned_network(
         parameter_set = network(name, local, fixed, derived_outputs, **rest)
         return TunedNetwork(parameter_set, (*kept, *choices), fixed, local)
     if not settings.open_choices:
-        return TunedNetwork(network(name, local, settings, derived_outputs, **rest), kept, settings, local)
+        parameter_set = network(name, local, settings, derived_outputs, **rest)
+        warnings = _warnings(parameter_set, training, chosen)
+        return TunedNetwork(parameter_set, kept, settings, local, warnings)
     found = []
     for blending in ("parameter", "output") if settings.blending == "best" else (settings.blending,):
         without = {"deviation_gain": 0.0} if blending == "output" else {}
@@ -130,7 +135,21 @@ def tuned_network(
         choices = (*choices, Choice("blending", best.settings.blending, f"{why} training error ({costs})"))
     final = _in_tuned_coordinates(local, best)
     parameter_set = network(name, final, best.settings, derived_outputs, **rest)
-    return TunedNetwork(parameter_set, choices, best.settings, final)
+    warnings = _warnings(parameter_set, training, chosen)
+    return TunedNetwork(parameter_set, choices, best.settings, final, warnings)
+
+
+def _warnings(
+    parameter_set: ParameterSet, training: Sequence[DataSet], tuning: TuningSettings
+) -> tuple[IdentificationWarning, ...]:
+    """Return what whole-range training data say against a network."""
+    partition = parameter_set.partition
+    fits = Objective(parameter_set, training, tuning.signals).fits(Candidate(partition))
+    mend = "Give more local models, another validity or blending, or data that cover what the network is for"
+    return (
+        *stray_data(training, partition.scheduling, partition.range),
+        *poor_fits("network on whole-range data, ", fits, mend),
+    )
 
 
 def _in_balanced_coordinates(local: LocalModels) -> LocalModels:

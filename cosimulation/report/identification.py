@@ -19,12 +19,15 @@ if TYPE_CHECKING:
 def identification_page(result: Identified) -> str:
     """Return the page on an identification: self-contained, the same text for the same result."""
     local, chosen = result.local, result.parameter_set
-    provenance = {name: value for name, value in chosen.provenance.items() if name != "choices"}
+    provenance = {
+        name: value for name, value in chosen.provenance.items() if name not in ("choices", "warnings")
+    }
     return rendered(
         "identification.html.jinja",
         name=chosen.name,
         headline=result.headline,
         model_hash=chosen.model_hash(),
+        warnings=result.warnings,
         choices=choice_rows(result.choices),
         rule=ORDER_RULE,
         figure=Markup(singular_values_figure(local, "local")),
@@ -52,7 +55,7 @@ def _local_rows(local: LocalModels) -> list[dict[str, Any]]:
                 "excitation": f"{excitation['smallest_eigenvalue']:.2g}",
                 "depth": excitation["samples_in_a_row"],
                 "radius": f"{model.spectral_radius:.6f}",
-                "fits": [f"{fit:.3f}" for fit in found["training_fit"]],
+                "fits": ["at rest" if fit is None else f"{fit:.3f}" for fit in found["training_fit"]],
             }
         )
     return rows

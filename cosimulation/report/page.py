@@ -98,6 +98,7 @@ def _set_content(view: SetView) -> dict[str, Any]:
         "spectra": Markup(spectra_figure(view)),
         "singular_values": _singular_values(view),
         "choices": _choices(view),
+        "warnings": view.result.warnings,
         "poles": Markup(poles_figure(view)),
         "weights_go_on": shown is not None
         and shown.parameter_set.partition.validity in ("hat", "cubic", "cubic_warp"),

@@ -31,6 +31,9 @@ _STYLE = (
 _CHOICES = "choices"
 """Where the provenance keeps automatic choices: a list of objects."""
 _CHOICE_COLUMNS = ("name", "value", "place", "reason")
+_WARNINGS = "warnings"
+"""Where the provenance keeps what makes the model doubtful: a list of objects."""
+_WARNING_COLUMNS = ("place", "what", "mend")
 _SCORE_COLUMNS = ("signal", "split", "data_set", "fit", "max_error")
 
 
@@ -44,11 +47,12 @@ def model_card(parameter_set: ParameterSet, shown: Interface) -> str:
         f"<h1>{escape(shown.model_name)}</h1>",
         _paragraph(shown.description + "."),
         _paragraph(parameter_set.documentation),
+        *_told(parameter_set, _WARNINGS, "Warnings", _WARNING_COLUMNS),
         *_range(parameter_set),
         *_behaviour(parameter_set),
         *_variables(shown),
         *_scores(parameter_set),
-        *_choices(parameter_set),
+        *_told(parameter_set, _CHOICES, "What was chosen automatically", _CHOICE_COLUMNS),
         *_provenance(parameter_set),
     ]
     head = f'<meta charset="utf-8"><title>{escape(shown.model_name)}</title><style>{_STYLE}</style>'
@@ -130,17 +134,16 @@ def _scores(parameter_set: ParameterSet) -> Iterator[str]:
         yield _table(_SCORE_COLUMNS, rows)
 
 
-def _choices(parameter_set: ParameterSet) -> Iterator[str]:
-    if records := _choice_records(parameter_set):
-        yield "<h2>What was chosen automatically</h2>"
-        yield _table(
-            _CHOICE_COLUMNS, [[_number(record.get(name)) for name in _CHOICE_COLUMNS] for record in records]
-        )
+def _told(parameter_set: ParameterSet, key: str, title: str, columns: Sequence[str]) -> Iterator[str]:
+    """Give records of the provenance a table of their own."""
+    if records := _records(parameter_set, key):
+        yield f"<h2>{title}</h2>"
+        yield _table(columns, [[_number(record.get(name)) for name in columns] for record in records])
 
 
-def _choice_records(parameter_set: ParameterSet) -> list[dict[str, JsonValue]]:
-    """Return the automatic choices, nothing where the provenance holds something else by their name."""
-    found = parameter_set.provenance.get(_CHOICES)
+def _records(parameter_set: ParameterSet, key: str) -> list[dict[str, JsonValue]]:
+    """Return records of the provenance, nothing where it holds something else by their name."""
+    found = parameter_set.provenance.get(key)
     records = found if isinstance(found, list) else []
     return [one for one in records if isinstance(one, dict)]
 
@@ -148,7 +151,7 @@ def _choice_records(parameter_set: ParameterSet) -> list[dict[str, JsonValue]]:
 def _provenance(parameter_set: ParameterSet) -> Iterator[str]:
     yield "<h2>Where it comes from</h2>"
     rows = [("model hash", parameter_set.model_hash())]
-    told = {_CHOICES} if _choice_records(parameter_set) else set()
+    told = {key for key in (_CHOICES, _WARNINGS) if _records(parameter_set, key)}
     names = sorted(set(parameter_set.provenance) - told)
     rows += [(name, _number(parameter_set.provenance[name])) for name in names]
     yield _table(("what", "value"), rows)

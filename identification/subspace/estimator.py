@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from fmu_builder.errors import IdentificationError, Problem
 from identification.arrays import Array
 from identification.choice import Choice
 from identification.data_set import DataSet
@@ -18,6 +19,15 @@ from identification.subspace.reduction import balanced_reduction
 from identification.subspace.regression import Regression, fit_inputs
 from identification.subspace.settings import SubspaceSettings
 from identification.subspace.stability import reflected, refuse_unstable
+from identification.warning import IdentificationWarning, poor_fits
+
+UNCERTAIN_INPUT, UNKNOWN_INPUT = 0.1, 1.0
+"""Of the outputs' standard deviation: what an uncertain input may add to the error before a warning is due,
+and from where on, if other inputs are to blame, the model would say nothing about that input."""
+
+ENTANGLED = 3.0
+"""How much larger standard errors have to be than without the other inputs for these to be to blame (the root
+of a variance inflation factor of about 10)."""
 
 
 def estimate(
@@ -51,21 +61,65 @@ def estimate(
         the order was read from; for CVA canonical correlations), `strengths` (of each, against noise; see
         `projection`), `noise_level` (what noise alone would show) and `seen_block_rows` (of these windows),
         `excitation` (eq. 3.71), `block_row_search` (block rows and simulation errors compared),
+        `warnings` (what makes the model doubtful: `IdentificationWarning.record`), `input_errors` (of the
+        outputs' std, from the standard errors of each input's B: `Regression.input_errors`),
         `hankel_singular_values` (after a reduction), `training_fit` [%] per output, `simulation_error` (rms
         over the std of the outputs), `spectral_radius`, `rows`, `input_scale`, `output_scale`.
 
     Raises:
         DataError: Columns are missing.
         IdentificationError: Data too short, constant or not exciting, order not identifiable, unstable
-            result.
+            result, inputs that moved too much together for the noise.
     """
     wanted = settings or SubspaceSettings()
     data = prepared(experiments, inputs, outputs, wanted)
     chosen = choose(data, wanted)
     A, C, found = _matrices(data, chosen, wanted)
     result = fit_inputs(A, C, data.inputs, data.outputs, wanted.feed_through)
+    _refuse_unknown_inputs(inputs, result)
     diagnostics = _diagnostics(data, chosen, wanted, result) | found
     return _unscaled(A, C, result, data, len(inputs), diagnostics)
+
+
+def _uncertain_inputs(
+    inputs: Sequence[str], result: Regression, limit: float, entangled: bool
+) -> list[Problem]:
+    """Return a problem per input whose effect is uncertain, because of other inputs or for another reason."""
+    found = []
+    errors = zip(inputs, result.input_errors.tolist(), result.untangled_errors.tolist(), strict=True)
+    for name, error, untangled in errors:
+        if error > limit and (error > ENTANGLED * untangled) == entangled:
+            what = (
+                f"what it does alone is uncertain by {100.0 * error:.3g} % of the outputs' standard "
+                f"deviation (standard errors of B), above {100.0 * limit:g} %"
+            )
+            mend = "Move the inputs independently of each other, or leave one out"
+            other = "Record longer, with less noise, or look for an integrator or a nonlinear plant"
+            found.append(Problem(f"input {name!r}", what, mend if entangled else other))
+    return found
+
+
+def _refuse_unknown_inputs(inputs: Sequence[str], result: Regression) -> None:
+    """Refuse inputs that cannot be told from others.
+
+    Raises:
+        IdentificationError: Names every such input.
+    """
+    if found := _uncertain_inputs(inputs, result, UNKNOWN_INPUT, entangled=True):
+        raise IdentificationError(found)
+
+
+def _warnings(
+    inputs: Sequence[str], result: Regression, fits: Mapping[str, float | None]
+) -> list[IdentificationWarning]:
+    """Return what makes a local model doubtful."""
+    found = [
+        IdentificationWarning(one.place, one.what, one.mend)
+        for entangled in (True, False)
+        for one in _uncertain_inputs(inputs, result, UNCERTAIN_INPUT, entangled)
+    ]
+    mend = "Look for noise, drift, an integrator or a plant that is not linear here, or change the order"
+    return found + poor_fits("", fits, mend)
 
 
 def _matrices(
@@ -106,7 +160,9 @@ def _diagnostics(
 ) -> dict[str, Any]:
     projection, seen = chosen.projection, chosen.seen
     instrument, weighting = settings.combination
-    m, depth = data.shape[0], projection.block_rows * (1 if instrument == "none" else 2)
+    m, fits = data.shape[0], _training_fit(data, result)
+    warnings = _warnings(data.names[:m], result, dict(zip(data.names[m:], fits, strict=True)))
+    depth = projection.block_rows * (1 if instrument == "none" else 2)
     return {
         "method": settings.method,
         "instrument": instrument,
@@ -123,7 +179,9 @@ def _diagnostics(
             "samples_in_a_row": depth,
             "rank": chosen.order + projection.block_rows * m,
         },
-        "training_fit": _training_fit(data, result),
+        "training_fit": fits,
+        "warnings": [one.record() for one in warnings],
+        "input_errors": result.input_errors.tolist(),
         "simulation_error": simulation_error(data, result),
         "rows": data.rows,
         "input_scale": data.input_scale.tolist(),

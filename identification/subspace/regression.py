@@ -28,6 +28,10 @@ class Regression:
         offsets: Constant on each output in each experiment: what its mean leaves of the rest value, shape
             (experiments, p).
         simulated: Outputs of the fitted model, one (p, samples) array per experiment.
+        input_errors: Root mean square error over all outputs that the standard errors of B (and D) lead to,
+            if this input alone moved as in the data, shape (m,). Standard errors as of white errors.
+        untangled_errors: The same had the other inputs' numbers been known. Inputs that moved together have
+            much smaller ones, however well they explain the outputs together.
     """
 
     B: Array
@@ -35,6 +39,8 @@ class Regression:
     initial_states: Array
     offsets: Array
     simulated: list[Array]
+    input_errors: Array
+    untangled_errors: Array
 
 
 class Responses(Protocol):
@@ -105,7 +111,42 @@ def fit_inputs(
         direct_part = D @ u if feed_through else 0.0
         simulated.append(response.outputs(own_states) + offsets[number][:, None] + direct_part)
     columns = beta[:states].reshape(m + experiments, n) @ basis.T
-    return Regression(columns[:m].T.copy(), D, columns[m:], offsets, simulated)
+    of_D = [
+        range(states + experiments + j, len(beta), fixed_numbers) if feed_through else () for j in range(m)
+    ]
+    numbers = [[*range(j * n, (j + 1) * n), *of_D[j]] for j in range(m)]
+    residuals = [float(np.sum((y - yhat) ** 2)) for y, yhat in zip(outputs, simulated, strict=True)]
+    equations = p * sum(u.shape[1] for u in inputs)
+    variance = sum(residuals) / max(equations - len(beta), 1) / equations
+    errors = _input_errors(normal, numbers, variance)
+    return Regression(columns[:m].T.copy(), D, columns[m:], offsets, simulated, *errors)
+
+
+def _input_errors(normal: Array, numbers: list[list[int]], variance: float) -> tuple[Array, Array]:
+    """Return the rms error from each input's uncertain numbers, and had the other inputs' been known.
+
+    With the covariance S = variance normal^-1 of all numbers, those of one input alone, J, give outputs whose
+    squared errors sum to trace(S[J, J] normal[J, J]).
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    scaled = normal * np.outer(scale, scale)
+    inverse = _inverse(scaled)
+    joint, apart = [], []
+    for own in numbers:
+        gram = scaled[np.ix_(own, own)]
+        joint.append(float(np.sum(inverse[np.ix_(own, own)] * gram)))
+        others = {number for one in numbers if one is not own for number in one}
+        kept = [*own, *(number for number in range(len(normal)) if number not in {*own, *others})]
+        without = _inverse(scaled[np.ix_(kept, kept)])[: len(own), : len(own)]
+        apart.append(float(np.sum(without * gram)))
+    return np.sqrt(variance * np.array(joint)), np.sqrt(variance * np.array(apart))
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverse of a Gram matrix; what rounding hides is as uncertain as rounding allows."""
+    values, vectors = scipy.linalg.eigh(matrix)
+    values = np.maximum(values, len(values) * np.finfo(float).eps * values[-1])
+    return np.asarray((vectors / values) @ vectors.T)
 
 
 class _StateResponses:

@@ -16,6 +16,8 @@ from cosim.whole_path import WholePath
 from cosimulation.identify import Identified, IdentifySettings, identify_from_folder
 from cosimulation.settings import parse_settings
 from fmu_builder.errors import DataError, IdentificationError, LlmnError, OutputError, SettingsError
+from fmu_builder.llmn_fmu.card import model_card
+from fmu_builder.llmn_fmu.variables import interface
 from fmu_builder.parameter_set import load
 from identification.data_set import DataSet
 from identification.excitation import with_measurement_noise
@@ -213,6 +215,36 @@ def test_data_that_do_not_do_are_refused_with_the_reason(
     with pytest.raises(error, match=message):
         identify_from_folder(settings(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
+
+
+def astray(data: DataSet) -> DataSet:
+    """A tenth of the rows recorded with the height off by 2 m."""
+    values = data.values.copy()
+    values[:4000, data.names.index("eta")] += 2.0
+    return replace(data, values=values)
+
+
+def test_what_makes_a_model_doubtful_is_told_everywhere(
+    blow: WholePath, found: Identified, tmp_path: Path
+) -> None:
+    assert found.warnings == () and "warning" not in found.text()
+    assert found.page is not None and "Warnings" not in found.page.read_text(encoding="utf-8")
+    assert found.parameter_set.provenance["warnings"] == [] == found.summary()["warnings"]
+    loud = {"xi": 0.01, "zeta": 0.01, "xi_dot": 1.0, "zeta_dot": 1.0}
+    write_data(blow, tmp_path, op45_train=lambda data: with_measurement_noise(data, loud, 3), wr_train=astray)
+    bad = identify_from_folder(settings(tmp_path, n4sid={"subspace": {"order": 6, "block_rows": 30}}))
+    places = [one.place for one in bad.warnings]
+    assert "local model at eta = 1.25, output 'xi_dot'" in places
+    assert "data set 'wr_train'" in places
+    assert any(place.startswith("network on whole-range data, output") for place in places)
+    records = [one.record() for one in bad.warnings]
+    assert load(bad.path).provenance["warnings"] == records == bad.summary()["warnings"]
+    page = bad.page.read_text(encoding="utf-8") if bad.page else ""
+    card = model_card(bad.parameter_set, interface(bad.parameter_set))
+    for one in bad.warnings:
+        assert f"warning: {one}" in bad.text()
+        assert one.mend in page and one.mend in card
+    assert card.count("<h2>Warnings</h2>") == page.count("<h2>Warnings</h2>") == 1
 
 
 def test_noise_and_one_local_model_go_the_same_way(blow: WholePath, tmp_path: Path) -> None:

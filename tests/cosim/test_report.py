@@ -23,11 +23,13 @@ from cosimulation.report import write_picture, write_report
 from cosimulation.report.figures.drawing import envelope
 from cosimulation.report.figures.spectra import amplitude_density
 from cosimulation.report.modes import Mode, matched, modes, modes_of_set, operating_point_name
+from cosimulation.report.page import render
 from cosimulation.report.tables import colour_of, significant
 from cosimulation.report.thesis import BEST_CONTACT_FORCE, counterpart
 from cosimulation.report.verdict import verdict
 from cosimulation.report.views import SetView, views
 from cosimulation.scoring import marked_recommended, run_candidate
+from identification.warning import IdentificationWarning
 from tolerances import POLE_DAMPING, POLE_FREQUENCY, SPECTRUM_POWER
 
 SAMPLE_TIME = 0.001
@@ -344,3 +346,19 @@ def test_colours_go_from_red_over_yellow_to_green() -> None:
 )
 def test_numbers_read_well(value: float, text: str) -> None:
     assert significant(value) == text
+
+
+def test_warnings_of_several_models_are_told_once(result: DemoResult) -> None:
+    shared = IdentificationWarning("local model at eta = 1.25, output 'xi'", "what is wrong", "Mend it")
+    own = IdentificationWarning("network on whole-range data, output 'F_p'", "what is worse", "Mend that")
+    first, *rest = result.sets[0].candidates
+    candidates = (
+        replace(first, warnings=(shared, own)),
+        *(replace(one, warnings=(shared,)) for one in rest),
+    )
+    doubtful = replace(result, sets=(replace(result.sets[0], candidates=candidates),))
+    told = [str(shared), f"{first.title}: {own}"]
+    assert doubtful.summary()["warnings"] == {"Blow": told}
+    assert all(f"warning: Blow, {text}\n" in doubtful.text() for text in told)
+    page = render(doubtful)
+    assert all(page.count(one.what) == 1 for one in (shared, own))

@@ -99,9 +99,10 @@ def _behaviour(parameter_set: ParameterSet) -> Iterator[str]:
             f" {partition.deviation_output} from its value at rest, as of the last tick."
         )
     yield _paragraph(
-        f"The model runs on its own grid of {parameter_set.sample_time!r} s; any communication step is"
-        " accepted. A tick uses the inputs in force when it begins. Between ticks outputs hold, except where"
-        " an input acts at once (see the table). The start is the steady state of the start inputs."
+        f"The model runs on its own grid of {parameter_set.sample_time!r} s. In co-simulation any"
+        " communication step is accepted; in model exchange there is a time event at every tick. A tick uses"
+        " the inputs in force when it begins. Between ticks outputs hold, except where an input acts at once"
+        " (see the table). The start is the steady state of the start inputs."
     )
     for derived in parameter_set.derived_outputs:
         terms = " ".join(

@@ -124,6 +124,7 @@ def test_the_parameter_set_and_the_model_card_are_inside(fmu: Path, tmp_path: Pa
         card = archive.read("documentation/index.html").decode("utf-8")
     assert load(tmp_path / "set.json") == parameter_set
     assert parameter_set.model_hash() in card
+    assert "in model exchange there is a time event at every tick" in card
     assert "force = stiffness y_2 - stiffness u_1, stiffness = 50000 N/m." in card
 
 

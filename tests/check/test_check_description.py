@@ -6,12 +6,15 @@ import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from fmpy import validation
 
 from check.defects import STATIC, finding, replaced, rules, with_description
 from fmu_builder.check import Severity, check_fmu, whole
 from fmu_builder.check.description import DESCRIPTION
+from fmu_builder.check.static import names
 
 Change = Callable[[str], str]
 
@@ -146,3 +149,19 @@ def test_what_is_said_already_is_not_said_again(right_fmu: Path, tmp_path: Path)
     for name in ("undefined unit", "duplicate name", "Boolean continuous", "InitialUnknowns missing"):
         fmu = with_description(right_fmu, tmp_path / "lti_test.fmu", DEFECTS[name][1])
         assert "fmpy" not in rules(check_fmu(fmu, STATIC))
+
+
+@pytest.mark.parametrize(
+    ("name", "is_legal"),
+    [
+        ("a", True), ("a.b[1].c_2", True), ("a[1,2]", True), ("der(a.b)", True), ("der(a,2)", True),
+        ("'a b'.c", True), (r"'a\'b'", True), ("_x", True),
+        ("1a", False), ("a..b", False), ("a[x]", False), ("a[1", False), ("der(a", False), ("a b", False),
+        ("a.der(b)", False), ("''", False), ("a[1][2]", False), ("\u00e4", False), ("", False),
+    ],
+)  # fmt: skip
+def test_structured_names_are_those_fmpys_grammar_takes(name: str, is_legal: bool) -> None:
+    variable = SimpleNamespace(name=name, sourceline=1)
+    model = SimpleNamespace(variableNamingConvention="structured", modelVariables=[variable])
+    assert (validation._validate_variable_names(model) == []) is is_legal
+    assert (names._STRUCTURED.fullmatch(name) is not None) is is_legal

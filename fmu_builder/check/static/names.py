@@ -9,7 +9,8 @@ from fmu_builder.check.archive import DESCRIPTION
 from fmu_builder.check.description import Description, ScalarVariable
 from fmu_builder.check.finding import Finding, Severity, practice, standard
 
-_NAME = r"(?:[A-Za-z_][A-Za-z0-9_]*|'(?:[^'\\\n]|\\.)+')"
+_QUOTED = r"""'(?:[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['"?\\abfnrtv])+'"""
+_NAME = rf"(?:[A-Za-z_][A-Za-z0-9_]*|{_QUOTED})"
 _INDICES = r"(?:\[\d+(?:,\d+)*\])?"
 _PATH = rf"{_NAME}{_INDICES}(?:\.{_NAME}{_INDICES})*"
 _STRUCTURED = re.compile(rf"{_PATH}|der\({_PATH}(?:,\d+)?\)", re.ASCII)

@@ -109,6 +109,14 @@ DEFECTS: dict[str, tuple[str, str, Changes]] = {
         "step-illegal", "illegal calls",
         (("slave.c", "    } else if (step <= 0.0) {", "    } else if (step < -1e300) {"),),
     ),
+    "input derivatives without effect": (
+        "input-derivatives", "derivatives",
+        (("slave.c", "slave->input_derivative[k] * ahead;", "slave->input_derivative[k] * (0.0 * ahead);"),),
+    ),
+    "directional derivative doubled": (
+        "directional-derivative", "derivatives",
+        (("derivatives.c", "dvUnknown[k] = ", "dvUnknown[k] = 2.0 * "),),
+    ),
     "setting does not store": (
         "set-get", "set and get",
         (("instance.c", "    instance->slave.values[vr] = value;\n",
@@ -172,10 +180,17 @@ def test_after_a_crash_the_other_calls_are_still_made(right_fmu: Path, tmp_path:
 
 
 def test_an_input_that_acts_at_once_without_being_named_is_found(right_fmu: Path, tmp_path: Path) -> None:
-    change = replaced('index="5" dependencies="2"', 'index="5" dependencies=""')
+    change = replaced('index="5" dependencies="2 3 8"', 'index="5" dependencies="3 8"')
     fmu = with_description(right_fmu, tmp_path / "lti_test.fmu", change)
     found = finding(fmu, "hidden-feedthrough", only("set and get"))
     assert "'mixed'" in found.place and "'load'" in found.what
+
+
+def test_a_state_that_acts_without_being_named_is_found(right_fmu: Path, tmp_path: Path) -> None:
+    change = replaced('index="4" dependencies="8"', 'index="4" dependencies=""')
+    fmu = with_description(right_fmu, tmp_path / "lti_test.fmu", change)
+    found = finding(fmu, "hidden-dependency", only("model exchange"))
+    assert "'scaled'" in found.place and "'x_2'" in found.what
 
 
 def test_a_description_of_another_binary_is_found(right_fmu: Path, tmp_path: Path) -> None:

@@ -69,10 +69,10 @@ DEFECTS: dict[str, tuple[str, Change]] = {
                               'causality="parameter" variability="continuous" initial="exact">\n      <Real'),
     ),
     "dangling dependency": (
-        "dependency", replaced('index="5" dependencies="2"', 'index="5" dependencies="99"'),
+        "dependency", replaced('index="5" dependencies="2 3 8"', 'index="5" dependencies="99"'),
     ),
     "dependency that is none": (
-        "dependency-known", replaced('index="5" dependencies="2"', 'index="5" dependencies="4"'),
+        "dependency-known", replaced('index="5" dependencies="2 3 8"', 'index="5" dependencies="4"'),
     ),
     "Boolean continuous": (
         "variability",

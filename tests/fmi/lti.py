@@ -20,9 +20,9 @@ VARIABLES = (
         "drive", causality="input", unit="m", start=START[0], minimum=-2.0, maximum=3.0, description="first"
     ),
     Variable("load", causality="input", unit="N", start=START[1], description='a < b & "c"'),
-    Variable("x_1", causality="output", unit="m", nominal=2.0),
-    Variable("scaled", causality="output", unit="m"),
-    Variable("mixed", causality="output", unit="N", dependencies=("load",)),
+    Variable("x_1", causality="output", unit="m", nominal=2.0, dependencies=("x_1",)),
+    Variable("scaled", causality="output", unit="m", dependencies=("x_2",)),
+    Variable("mixed", causality="output", unit="N", dependencies=("load", "x_1", "x_2")),
     Variable("in_range", type="Boolean", causality="output", dependencies=("drive",)),
     Variable("reciprocal", causality="output", dependencies=("load",)),
     Variable("x_2", unit="m"),

@@ -116,7 +116,13 @@ def test_model_structure() -> None:
         part.tag: {names[int(u.get("index", "0")) - 1]: u.get("dependencies") for u in part}
         for part in structure
     }
-    assert listed["Outputs"] == {"x_1": "", "scaled": "", "mixed": "2", "in_range": "1", "reciprocal": "2"}
+    assert listed["Outputs"] == {
+        "x_1": "3",
+        "scaled": "8",
+        "mixed": "2 3 8",
+        "in_range": "1",
+        "reciprocal": "2",
+    }
     assert listed["Derivatives"] == {"der_x_1": "1 2 3 8", "der_x_2": "1 2 3 8"}
     unknowns = ["x_1", "scaled", "mixed", "in_range", "reciprocal", "x_2", "der_x_1", "der_x_2"]
     assert listed["InitialUnknowns"] == dict.fromkeys(unknowns, "1 2 11 12")

@@ -27,16 +27,32 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "ExitInitializationMode": (_Pointer,),
     "Terminate": (_Pointer,),
     "Reset": (_Pointer,),
-    **{f"{verb}{kind}": (_Pointer, _Pointer, _Size, _Pointer)
-       for verb in ("Get", "Set") for kind in ("Real", "Integer", "Boolean", "String")},
+    **{
+        f"{verb}{kind}": (_Pointer, _Pointer, _Size, _Pointer)
+        for verb in ("Get", "Set")
+        for kind in ("Real", "Integer", "Boolean", "String")
+    },
     "GetFMUstate": (_Pointer, _Pointer),
     "SetFMUstate": (_Pointer, _Pointer),
     "FreeFMUstate": (_Pointer, _Pointer),
     "SerializedFMUstateSize": (_Pointer, _Pointer, _Pointer),
     "SerializeFMUstate": (_Pointer, _Pointer, _Pointer, _Size),
     "DeSerializeFMUstate": (_Pointer, _Pointer, _Size, _Pointer),
-    "DoStep": (_Pointer, _Real, _Real, _Int),
-}  # fmt: skip
+    "GetDirectionalDerivative": (_Pointer, _Pointer, _Size, _Pointer, _Size, _Pointer, _Pointer),
+}
+_OF_KIND: tuple[dict[str, tuple[Any, ...]], ...] = (
+    {
+        "NewDiscreteStates": (_Pointer, _Pointer),
+        "EnterContinuousTimeMode": (_Pointer,),
+        "SetContinuousStates": (_Pointer, _Pointer, _Size),
+        "GetContinuousStates": (_Pointer, _Pointer, _Size),
+        "GetDerivatives": (_Pointer, _Pointer, _Size),
+    },
+    {
+        "SetRealInputDerivatives": (_Pointer, _Pointer, _Size, _Pointer, _Pointer),
+        "DoStep": (_Pointer, _Real, _Real, _Int),
+    },
+)  # fmt: skip
 _RESULTS = {"GetTypesPlatform": _Text, "GetVersion": _Text, "Instantiate": _Pointer, "FreeInstance": None}
 _CELLS: dict[str, Any] = {"Real": _Real, "Integer": _Int, "Enumeration": _Int, "Boolean": _Int}
 _FUNCTION_TYPES = {"Enumeration": "Integer"}
@@ -66,9 +82,7 @@ class Library:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self._library = ctypes.CDLL(plan.library)
-        for name, arguments in _ARGUMENTS.items():
-            if name == "DoStep" and not plan.can_step:
-                continue
+        for name, arguments in {**_ARGUMENTS, **_OF_KIND[plan.kind]}.items():
             function = getattr(self._library, "fmi2" + name)
             function.argtypes, function.restype = arguments, _RESULTS.get(name, _Int)
             setattr(self, name, function)

@@ -15,7 +15,15 @@ _NUDGE = 0.05
 
 @dataclass(frozen=True)
 class PlannedVariable:
-    """A variable of the FMU: `reference` its value reference, `position` its place in the description."""
+    """A variable of the FMU.
+
+    Attributes:
+        reference: Its value reference.
+        position: Its 1-based place in the description.
+        size: How large it typically is.
+        depends_on: Names of what acts on it at once; None: not known.
+        derivative_of: Position of the state whose derivative it is.
+    """
 
     name: str
     reference: int
@@ -28,6 +36,7 @@ class PlannedVariable:
     maximum: float | None
     size: float
     depends_on: tuple[str, ...] | None
+    derivative_of: int | None
 
     def moved(self, scale: float) -> float:
         """Return a value a little away from the start, inside the limits; `scale` 0 is the start itself."""
@@ -50,6 +59,7 @@ class Plan:
         kind: 1 for co-simulation, 0 for model exchange.
         step: Communication step to work with [s].
         variables: All variables.
+        derivatives: Positions of the state derivatives, in the order of ModelStructure.
         abilities: Capability flags of the description that are true.
         budget: How long an experiment may keep calculating [s].
         found: What earlier experiments have found out.
@@ -61,6 +71,7 @@ class Plan:
     kind: int
     step: float
     variables: tuple[PlannedVariable, ...]
+    derivatives: tuple[int, ...]
     abilities: tuple[str, ...]
     budget: float
     found: dict[str, Any]
@@ -82,6 +93,20 @@ class Plan:
         outputs = [v for v in real if v.causality == "output"]
         return outputs or [v for v in real if v.causality == "local" and v.variability == "continuous"]
 
+    @property
+    def derivative_variables(self) -> list[PlannedVariable]:
+        """The state derivatives, in the order of the states."""
+        by_position = {variable.position: variable for variable in self.variables}
+        return [by_position[position] for position in self.derivatives]
+
+    @property
+    def states(self) -> list[PlannedVariable]:
+        """The continuous states."""
+        by_position = {variable.position: variable for variable in self.variables}
+        return [
+            by_position[v.derivative_of] for v in self.derivative_variables if v.derivative_of is not None
+        ]
+
     def moved(self, share: float = 1.0) -> list[float]:
         """Return a value per input, away from its start as far as the FMU has been found to bear."""
         scale = float(self.found.get("scale", _NUDGE)) * share
@@ -99,7 +124,8 @@ class Plan:
             PlannedVariable(**{**item, "depends_on": _names(item["depends_on"])})
             for item in content["variables"]
         )
-        return cls(**{**content, "variables": variables, "abilities": tuple(content["abilities"])})
+        lists = {name: tuple(content[name]) for name in ("derivatives", "abilities")}
+        return cls(**{**content, **lists, "variables": variables})
 
 
 def _names(value: list[str] | None) -> tuple[str, ...] | None:

@@ -23,9 +23,11 @@ from fmu_builder.errors import BuildError
 _NEEDED = ("load", "run")
 _STARTING = ("load", "wrong GUID", "run")
 _STEPPING = (
-    "first output", "set and get", "state", "state in another process", "communication steps", "an hour",
+    "first output", "set and get", "derivatives", "state", "state in another process", "communication steps",
+    "an hour",
 )  # fmt: skip
 _ANY = ("reset", "two instances", "illegal calls")
+_EXCHANGE = "model exchange"
 _MOST_ATTEMPTS = 25
 _MOST_OUTPUT = 1 << 16
 _BUDGET_SHARE = 0.5
@@ -48,9 +50,14 @@ def _planned(description: Description, variable: ScalarVariable) -> PlannedVaria
     start, low, high = (number(attributes.get(name)) for name in ("start", "min", "max"))
     nominal = number(attributes.get("nominal"))
     size = nominal if nominal is not None and nominal > 0.0 else abs(start or 0.0) or 1.0
-    unknown = next((u for u in description.structure["Outputs"] if u.index == variable.position), None)
-    named = None if unknown is None or unknown.dependencies is None else unknown.dependencies
-    names = None if named is None else tuple(v.name for v in map(description.at, named) if v is not None)
+    text = variable.own.get("derivative", "")
+    state = description.at(int(text) if text.isdigit() else None)
+    entries = (*description.structure["Outputs"], *description.structure["Derivatives"])
+    listed = [u.dependencies for u in entries if u.index == variable.position]
+    named: set[str] | None = None
+    if listed and None not in listed:
+        positions = (position for dependencies in listed for position in dependencies or ())
+        named = {v.name for v in map(description.at, positions) if v is not None}
     return PlannedVariable(
         name=variable.name,
         reference=variable.value_reference or 0,
@@ -62,12 +69,14 @@ def _planned(description: Description, variable: ScalarVariable) -> PlannedVaria
         minimum=low,
         maximum=high,
         size=size,
-        depends_on=names,
+        depends_on=None if named is None else tuple(sorted(named)),
+        derivative_of=None if state is None else state.position,
     )
 
 
 def _plan(description: Description, folder: Path, kind: str, library: Path, time_limit: float) -> Plan:
     attributes = description.interfaces[kind]
+    derivatives = [description.at(unknown.index) for unknown in description.structure["Derivatives"]]
     usable = (variable for variable in description.variables if variable.value_reference is not None)
     return Plan(
         library=str(library),
@@ -76,6 +85,7 @@ def _plan(description: Description, folder: Path, kind: str, library: Path, time
         kind=int(kind == "CoSimulation"),
         step=description.default_step() or DEFAULT_STEP,
         variables=tuple(_planned(description, variable) for variable in usable),
+        derivatives=tuple(v.position for v in derivatives if v is not None and "derivative" in v.own),
         abilities=tuple(name for name, value in attributes.items() if value in ("true", "1")),
         budget=_BUDGET_SHARE * time_limit,
         found={},
@@ -209,6 +219,20 @@ def _in_order(plan: Plan, chosen: tuple[str, ...] | None) -> Iterator[str]:
             yield name
 
 
+def _exchange(
+    description: Description, folder: Path, time_limit: float, checked: list[str]
+) -> tuple[list[Finding], bool]:
+    """Run the experiment on model exchange, which may have a library of its own."""
+    identifier = description.interfaces["ModelExchange"].get("modelIdentifier", "")
+    library = library_for_host(description, folder, identifier)
+    if library is None:
+        return [], False
+    plan = _plan(description, folder, "ModelExchange", library, time_limit)
+    findings, _, printed = _experiment(plan, _EXCHANGE, time_limit)
+    checked.append(_EXCHANGE)
+    return findings, printed
+
+
 def behaviour_findings(
     description: Description,
     folder: Path,
@@ -243,6 +267,10 @@ def behaviour_findings(
         plan = replace(plan, found={**plan.found, **facts})
         if (name == "load" and not facts.get("loaded")) or (name == "run" and not facts.get("runs")):
             break
+    if "ModelExchange" in description.interfaces and (chosen is None or _EXCHANGE in chosen):
+        findings, printed = _exchange(description, folder, time_limit, checked)
+        yield from findings
+        loud |= printed
     if loud:
         what, mend = "prints on stdout or stderr", "Speak through the logger only"
         yield Finding(Severity.NOTE, "prints", "binary for this machine", what, practice("importers"), mend)

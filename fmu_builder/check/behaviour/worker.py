@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from fmu_builder.check.behaviour import illegal, saving, starting, timing
+from fmu_builder.check.behaviour import deriving, exchange, illegal, saving, starting, timing
 from fmu_builder.check.behaviour.diary import Diary
 from fmu_builder.check.behaviour.plan import Plan
 
@@ -24,8 +24,10 @@ EXPERIMENTS: Mapping[str, Callable[[Plan, Diary], None]] = {
     "state": saving.state,
     "state in another process": saving.restore,
     "illegal calls": illegal.illegal_calls,
+    "derivatives": deriving.derivatives,
     "communication steps": timing.step_sizes,
     "an hour": timing.hour,
+    "model exchange": exchange.model_exchange,
 }
 """By name, in the order in which they are done."""
 

@@ -68,7 +68,6 @@ STATIC_GAIN = 1e-6  # relative: (I - A)^-1 after a change to balanced coordinate
 STEADY_GAIN = 1e-10  # of the largest of its row: two linear solves of condition 1e3, complex steps are exact
 OCTAVE_POLE = 1e-4  # in the z plane: two estimators on the same 20 s of noisy data; 1e-5 is reached
 OUTPUT_PARTITION = 0.01  # m/m: the contact spring takes up what the force at rest changes with the height
-SAME_FIT = 1e-6  # percentage points: the same search twice, matrix products may round by where arrays lie
 SCATTER = 0.3  # natural log: 50 seeds know a standard deviation to 10 %, the largest of 16 to 25 %
 JACKKNIFE = (
     0.7  # natural log: ten groups know a standard deviation to 25 %, 12 seeds to 20 %, of eight the largest

@@ -176,7 +176,9 @@ def _surrogate(
     training = [item.data for item in data.select("whole_range", "train")]
     validation = [item.data for item in data.having("whole_range", "validation")]
     heights = [item.data for item in data.select("operating_point", "train")]
-    result = surrogate.identify(local, training, head, validation=validation, operating_points=heights)
+    result = surrogate.identify(
+        local.trained_on(training), training, head, validation=validation, operating_points=heights
+    )
     parameter_set = surrogate.network(identifier("surrogate", wbm), result, forces)
     route = "frequency response" + (", output error" if result.recommended == "tuned" else "")
     labels = _labels(wbm, parameter_set, structure=result.settings.structure, route=route)

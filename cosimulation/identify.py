@@ -300,6 +300,8 @@ def _surrogate(
     training = [item.data for item in data.select("whole_range", "train")]
     validation = [item.data for item in data.having("whole_range", "validation")]
     heights = [item.data for item in data.select("operating_point", "train")]
+    local = local.trained_on(training)
+    local.refuse_outside()
     result = surrogates.identify(local, training, head, settings.surrogate, validation, heights)
     parameter_set = surrogates.network(settings.name, result, derived_outputs(settings))
     diagnostics = {

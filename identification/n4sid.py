@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from identification.arrays import Array
 from identification.choice import Choice
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
-from identification.network import NetworkSettings, assemble, partition_of, signals_of
+from identification.network import NetworkSettings, assemble, partition_of, signals_of, widened
 from identification.static_map import StaticMap
 from identification.subspace import SubspaceSettings, estimate
 from identification.subspace.alignment import HORIZON, Alignment, in_common_coordinates
@@ -25,6 +25,9 @@ from identification.warning import IdentificationWarning
 
 _OFF_CENTRE = 0.1
 """How far an experiment may be from its centre, in cells."""
+
+_PANTOGRAPH = {"eta": 1.5, "M_pa": 1310.9}
+"""Operating point of the pantograph's inputs [m, N.m]."""
 
 MOST_LOCAL_MODELS = 100
 """Every one needs an experiment of its own; the thesis has up to eight."""
@@ -49,7 +52,9 @@ class N4sidSettings(BaseModel):
         description="centres that are not equidistant; their number overrides local_models",
     )
     operating_point: dict[str, float] = Field(
-        default_factory=lambda: {"eta": 1.5, "M_pa": 1310.9}, description="start value of every input"
+        default_factory=lambda: dict(_PANTOGRAPH),
+        description="start value of every input; of one that is not given and whose default lies outside the"
+        " training data, the middle of their means",
     )
     subspace: SubspaceSettings = SubspaceSettings()
     alignment: Alignment = Field(default="observability", description="way to common state coordinates")
@@ -70,13 +75,14 @@ class LocalModels:
     """Everything configurations of a network share.
 
     Attributes:
-        settings: The settings it was identified with.
+        settings: The settings it was identified with, the operating point complete.
         centres: Centres of the M local models, shape (M,).
         models: The M local models in common state coordinates.
         signals: Inputs and outputs with units, operating point and training limits.
         static_map: Outputs at rest over the scheduling input.
         provenance: Names and content hashes of the training data.
         output_scale: Mean standard deviation of each output in training, shape (p,).
+        own_choices: What was chosen automatically for all local models together.
     """
 
     settings: N4sidSettings
@@ -86,15 +92,17 @@ class LocalModels:
     static_map: StaticMap
     output_scale: Array
     provenance: dict[str, Any] = field(default_factory=dict)
+    own_choices: tuple[Choice, ...] = ()
 
     @property
     def choices(self) -> tuple[Choice, ...]:
-        """What was chosen automatically for every local model, by keys of `N4sidSettings`."""
-        return tuple(
+        """What was chosen automatically, for every local model and for all, by keys of `N4sidSettings`."""
+        each = tuple(
             Choice(f"subspace.{one['name']}", one["value"], one["reason"], self.place(index))
             for index, model in enumerate(self.models)
             for one in model.diagnostics.get("choices", ())
         )
+        return (*each, *self.own_choices)
 
     @property
     def warnings(self) -> tuple[IdentificationWarning, ...]:
@@ -110,6 +118,35 @@ class LocalModels:
     def place(self, index: int) -> str:
         """Return where a local model stands, as in "eta = 0.75"."""
         return f"{self.settings.scheduling} = {self.centres[index]:g}"
+
+    def trained_on(self, whole_range: Sequence[DataSet]) -> LocalModels:
+        """Return the same with limits of the signals that take in whole-range training data.
+
+        Raises:
+            DataError: Columns are missing.
+        """
+        known = self.settings
+        limits = (known.low, known.high)
+        return replace(self, signals=widened(self.signals, whole_range, known.scheduling, limits))
+
+    def refuse_outside(self) -> None:
+        """Refuse an operating point outside the limits of the training data.
+
+        Raises:
+            IdentificationError: Names the key of every such input.
+        """
+        mend = "Leave the key out, or give a value in between"
+        found = [
+            Problem(
+                f"n4sid.operating_point.{one.name}",
+                f"{one.operating_point:g} lies outside the training data, {one.minimum:g} .. {one.maximum:g}",
+                mend,
+            )
+            for one in self.signals[0]
+            if not one.minimum <= one.operating_point <= one.maximum
+        ]
+        if found:
+            raise IdentificationError(found)
 
     def partition(self, settings: NetworkSettings) -> Partition:
         """Return the partition these local models get from the settings of a network.
@@ -156,6 +193,8 @@ def identify(
         raise IdentificationError(found)
     models = _of_one_order(models, groups, chosen)
     ordered = [data for group in groups for data in group]
+    point, own_choices = _operating_point(ordered, chosen)
+    chosen = chosen.model_copy(update={"operating_point": point})
     scale = np.mean([data.matrix(chosen.outputs).std(axis=0) for data in ordered], axis=0)
     common = in_common_coordinates(models, chosen.alignment, scale, chosen.alignment_horizon)
     limits = (chosen.low, chosen.high)
@@ -166,7 +205,7 @@ def identify(
     signals = signals_of(ordered, chosen.inputs, chosen.outputs, chosen.operating_point, start, descriptions)
     data = [{"name": one.name, "content_hash": one.content_hash} for one in ordered]
     provenance = {"training": data, "settings": chosen.model_dump(mode="json")}
-    return LocalModels(chosen, centres, tuple(common), signals, rest, scale, provenance)
+    return LocalModels(chosen, centres, tuple(common), signals, rest, scale, provenance, own_choices)
 
 
 def network(
@@ -186,8 +225,10 @@ def network(
         rest: Further fields of the parameter set; `provenance` is added to that of the local models.
 
     Raises:
+        IdentificationError: The operating point lies outside the training data.
         ParameterSetError: Not a valid parameter set; every problem is named.
     """
+    local.refuse_outside()
     partition = local.partition(settings)
     provenance = {
         **local.provenance,
@@ -205,6 +246,27 @@ def network(
         provenance=provenance,
         **rest,
     )
+
+
+def _operating_point(
+    experiments: Sequence[DataSet], settings: N4sidSettings
+) -> tuple[dict[str, float], tuple[Choice, ...]]:
+    """Return the operating point of every input, and what of it was chosen from the data."""
+    given = settings.operating_point if "operating_point" in settings.model_fields_set else {}
+    point, found = {}, {}
+    for name in settings.inputs:
+        columns = [data.column(name) for data in experiments]
+        usual = given.get(name, _PANTOGRAPH.get(name))
+        inside = usual is not None and min(map(np.min, columns)) <= usual <= max(map(np.max, columns))
+        if usual is not None and (name in given or inside):
+            point[name] = usual
+        else:
+            means = [float(column.mean()) for column in columns]
+            point[name] = found[name] = 0.5 * (min(means) + max(means))
+    reason = (
+        "the middle of the training data's means, for inputs that have no other operating point among them"
+    )
+    return point, (Choice("operating_point", found, reason),) if found else ()
 
 
 def _of_one_order(
@@ -254,14 +316,16 @@ def by_centre(experiments: Sequence[DataSet], settings: N4sidSettings) -> list[l
             without one; all at once.
     """
     centres = settings.positions
-    missing = [name for name in settings.inputs if name not in settings.operating_point]
+    given = settings.operating_point if "operating_point" in settings.model_fields_set else {}
+    names = ", ".join(settings.inputs)
     found = [
-        Problem(f"operating_point.{name}", "is missing", f"Give the operating point of {name}")
-        for name in missing
+        Problem(f"n4sid.operating_point.{name}", "is no input", f"Name one of {names}")
+        for name in given
+        if name not in settings.inputs
     ]
     if settings.scheduling not in settings.inputs:
         what = f"{settings.scheduling!r} is no input"
-        found.append(Problem("scheduling", what, f"Name one of {', '.join(settings.inputs)}"))
+        found.append(Problem("scheduling", what, f"Name one of {names}"))
     if not settings.low < settings.high:
         found.append(Problem("range", f"{settings.low} .. {settings.high} is empty", "Give low < high"))
     outside = np.any((centres < settings.low) | (centres > settings.high))

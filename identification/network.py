@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -29,6 +29,8 @@ from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.static_map import StaticMap
 from identification.validity import LARGEST_NODE_COUNT, NODES, cell_widths, node_positions, weights
+
+AnySignal = TypeVar("AnySignal", InputSignal, OutputSignal)
 
 
 class NetworkSettings(BaseModel):
@@ -167,6 +169,35 @@ def signals_of(
     ]
     m = len(inputs)
     return tuple(InputSignal(**f) for f in fields[:m]), tuple(OutputSignal(**f) for f in fields[m:])
+
+
+Signals = tuple[tuple[InputSignal, ...], tuple[OutputSignal, ...]]
+
+
+def widened(
+    signals: Signals, experiments: Sequence[DataSet], scheduling: str, limits: tuple[float, float]
+) -> Signals:
+    """Return signals whose limits take in further training data.
+
+    Args:
+        signals: Inputs and outputs.
+        experiments: Further training data, in the same units.
+        scheduling: The input whose limits grow up to `limits` only: beyond, weights are held.
+        limits: Low and high end of the operating range.
+
+    Raises:
+        DataError: Columns are missing.
+    """
+
+    def wider(signal: AnySignal) -> AnySignal:
+        columns = [data.column(signal.name) for data in experiments]
+        low, high = min(float(one.min()) for one in columns), max(float(one.max()) for one in columns)
+        if signal.name == scheduling:
+            low, high = max(low, limits[0]), min(high, limits[1])
+        update = {"minimum": min(signal.minimum, low), "maximum": max(signal.maximum, high)}
+        return signal.model_copy(update=update)
+
+    return tuple(map(wider, signals[0])), tuple(map(wider, signals[1]))
 
 
 def assemble(

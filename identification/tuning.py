@@ -116,6 +116,7 @@ def tuned_network(
         parameter_set = network(name, local, settings, derived_outputs, **rest)
         warnings = _warnings(parameter_set, training, chosen)
         return TunedNetwork(parameter_set, kept, settings, local, warnings)
+    local = local.trained_on(training)
     found = []
     for blending in ("parameter", "output") if settings.blending == "best" else (settings.blending,):
         without = {"deviation_gain": 0.0} if blending == "output" else {}

@@ -87,6 +87,17 @@ def test_everything_is_chosen_told_and_kept(found: Identified) -> None:
     json.dumps(found.summary())
 
 
+def test_the_trained_range_is_that_of_all_training_data(found: Identified, blow: WholePath) -> None:
+    (whole,) = blow.data.select("whole_range", "train")
+    used = [item.data.rows(0, 8000) for item in blow.data.select("operating_point", "train")]
+    used.append(whole.data.rows(0, 40000))
+    for signal in (*found.parameter_set.inputs, *found.parameter_set.outputs):
+        columns = [data.column(signal.name) for data in used]
+        assert signal.minimum == min(float(one.min()) for one in columns)
+        assert signal.maximum == max(float(one.max()) for one in columns)
+    assert found.parameter_set.inputs[0].minimum < 0.61
+
+
 def test_what_is_printed_is_what_overrides(found: Identified, folder: Path) -> None:
     """Every choice, pasted into the settings, is none any more; warp and orders come back as they were."""
     keys = re.findall(r"^  (\S+ = .*?)(?: \(eta = \S+\))?: ", found.text(), re.MULTILINE)
@@ -250,8 +261,7 @@ def test_what_makes_a_model_doubtful_is_told_everywhere(
 def test_noise_and_one_local_model_go_the_same_way(blow: WholePath, tmp_path: Path) -> None:
     noise = {"xi": 1e-5, "zeta": 1e-5, "xi_dot": 1e-3, "zeta_dot": 1e-3}
     write_data(blow, tmp_path, op65_train=lambda data: with_measurement_noise(data, noise, 3))
-    point = {"eta": 1.75, "M_pa": 1310.9}
-    only = {"centres": [1.75], "low": 1.5, "high": 2.0, "operating_point": point}
+    only = {"centres": [1.75], "low": 1.6, "high": 2.0}
     with pytest.raises(IdentificationError, match="nearest centre"):
         identify_from_folder(settings(tmp_path, n4sid=only))
     index = json.loads((tmp_path / "data" / "data.json").read_text(encoding="utf-8"))
@@ -262,3 +272,18 @@ def test_noise_and_one_local_model_go_the_same_way(blow: WholePath, tmp_path: Pa
     reasons = {choice.name: choice.reason for choice in result.choices}
     assert "nothing to blend" in reasons["network.warp"]
     assert "1 local model of order 6" in result.text()
+    # the pantograph's 1.5 m is not among the data, so their middle is the operating point
+    eta, torque = result.parameter_set.inputs
+    heights = blow.data.select("operating_point", "train")[2].data.rows(0, 8000).column("eta")
+    assert eta.operating_point == pytest.approx(float(heights.mean())) and torque.operating_point == 1310.9
+    assert "n4sid.operating_point = { eta = 1.7" in result.text()
+    # the whole-range data begin at 0.6 m, and below 1.6 m weights are held
+    (whole,) = blow.data.select("whole_range", "train")
+    assert (eta.minimum, eta.maximum) == (1.6, whole.data.rows(0, 40000).column("eta").max())
+    assert "data set 'wr_train'" in {warning.place for warning in result.warnings}
+    for method in ("n4sid", "surrogate"):
+        given = settings(tmp_path, method=method, n4sid={**only, "operating_point": {"eta": 1.5}})
+        with pytest.raises(
+            IdentificationError, match=r"n4sid\.operating_point\.eta: 1.5 lies outside .* 1\.6"
+        ):
+            identify_from_folder(given)

@@ -35,7 +35,7 @@ def test_the_warp_that_made_the_data_is_found() -> None:
     data = recorded(network("truth", LOCAL, settings_of(warp=WARP)), 3)
     found = tuned_network("found", LOCAL, [data], settings_of(), [FORCE], FINE)
     assert found.settings.warp == pytest.approx(WARP, rel=TUNED_NUMBER)
-    assert found.parameter_set == network("found", LOCAL, found.settings, [FORCE])
+    assert found.parameter_set == network("found", LOCAL.trained_on([data]), found.settings, [FORCE])
     (choice,) = found.choices
     assert (
         choice.name == "warp" and "F_p" in choice.reason and str(choice).startswith("warp = (-0.2, 0.08): ")

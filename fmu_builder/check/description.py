@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -17,6 +18,10 @@ from fmu_builder.check.finding import Finding, Severity, practice, standard
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _LARGEST_DESCRIPTION = 256 << 20
 _MOST_SCHEMA_ERRORS = 50
+_LONGEST_FILE_NAME = 200
+IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
+"""Of C."""
+
 _FIXED_OR_TUNABLE = ("fixed", "tunable")
 
 
@@ -32,6 +37,14 @@ def number(text: str | None) -> float | None:
     except ValueError:
         return None
     return value
+
+
+def integer(text: str | None) -> int | None:
+    """Return a text as an integer, or None where it is none."""
+    try:
+        return None if text is None else int(text)
+    except ValueError:
+        return None
 
 
 @dataclass(frozen=True)
@@ -60,6 +73,11 @@ class ScalarVariable:
     def place(self) -> str:
         """Where it stands, for a finding."""
         return f"{place_of(self.line)}, variable {self.name!r}"
+
+    @property
+    def state(self) -> int | None:
+        """Position of the state whose derivative it is, None when it is none or says nonsense."""
+        return integer(self.own.get("derivative"))
 
     @property
     def base_type(self) -> str:
@@ -115,18 +133,16 @@ class Description:
         declared = self.types.get(variable.own.get("declaredType", ""))
         return {**(declared[1] if declared else {}), **variable.own}
 
+    def identifier(self, kind: str) -> str:
+        """Return the modelIdentifier of an interface, empty where it is none: it names files."""
+        name = self.interfaces[kind].get("modelIdentifier", "")
+        return name if IDENTIFIER.fullmatch(name) and len(name) <= _LONGEST_FILE_NAME else ""
+
     def default_step(self) -> float | None:
         """Return the proposed communication step in s, where there is a usable one."""
         element = self.root.find("DefaultExperiment")
         step = number(element.get("stepSize")) if element is not None else None
         return step if step is not None and math.isfinite(step) and step > 0.0 else None
-
-
-def _integer(text: str | None) -> int | None:
-    try:
-        return None if text is None else int(text)
-    except ValueError:
-        return None
 
 
 def default_initial(causality: str, variability: str) -> str:
@@ -146,7 +162,7 @@ def _variable(position: int, element: Any) -> ScalarVariable:
         position=position,
         line=element.sourceline,
         name=element.get("name", ""),
-        value_reference=_integer(element.get("valueReference")),
+        value_reference=integer(element.get("valueReference")),
         causality=causality,
         variability=variability,
         initial=element.get("initial", default_initial(causality, variability)),
@@ -159,8 +175,8 @@ def _unknown(element: Any) -> Unknown:
     dependencies, kinds = element.get("dependencies"), element.get("dependenciesKind")
     return Unknown(
         line=element.sourceline,
-        index=_integer(element.get("index")),
-        dependencies=None if dependencies is None else tuple(map(_integer, dependencies.split())),
+        index=integer(element.get("index")),
+        dependencies=None if dependencies is None else tuple(map(integer, dependencies.split())),
         kinds=None if kinds is None else tuple(kinds.split()),
     )
 
@@ -235,7 +251,9 @@ def read_description(folder: Path) -> tuple[Description | None, list[Finding]]:
         return None, []
     if file.stat().st_size > _LARGEST_DESCRIPTION:
         return None, [_refusal("xml", "is larger than 256 MiB", "Expose fewer variables", practice("safety"))]
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
+    )
     try:
         tree = etree.parse(str(file), parser)
     except (etree.XMLSyntaxError, OSError, ValueError) as reason:

@@ -176,8 +176,9 @@ def library_findings(description: Description, folder: Path) -> Iterator[Finding
         folder: Where the FMU is unpacked.
     """
     by_name: dict[str, list[str]] = {}
-    for kind, attributes in description.interfaces.items():
-        by_name.setdefault(attributes.get("modelIdentifier", ""), []).append(kind)
+    for kind in description.interfaces:
+        if name := description.identifier(kind):  # without one there is a finding already
+            by_name.setdefault(name, []).append(kind)
     folders = [path for path in sorted((folder / "binaries").glob("*")) if path.is_dir()]
     if not folders and not any(description.sources.values()):
         what, mend = "has neither binaries nor sources", "Ship a binary per platform, or the sources"
@@ -191,7 +192,7 @@ def library_findings(description: Description, folder: Path) -> Iterator[Finding
             continue
         for name, interfaces in by_name.items():
             file = platform / (name + PLATFORMS[platform.name][2])
-            if not name or not file.is_file():
+            if not file.is_file():
                 place, what = f"binaries/{platform.name}", f"lacks {file.name}, named after modelIdentifier"
                 mend = "Name the library after modelIdentifier"
                 yield Finding(Severity.ERROR, "binary-name", place, what, _DISTRIBUTION, mend)

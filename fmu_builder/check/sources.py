@@ -127,12 +127,10 @@ def compile_sources(
     if kind is None:
         return None, []
     files = list(dict.fromkeys(description.sources[kind]))
-    if any(".." in Path(f).parts or not (sources / f).is_file() for f in files):
-        return None, []  # the list itself has a finding
-    identifier = description.interfaces[kind].get("modelIdentifier", "")
-    prefix = identifier + "_"
-    if not prefix.isidentifier() or not prefix.isascii():
-        return None, []
+    inside = {file.relative_to(sources).as_posix() for file in sources.rglob("*") if file.is_file()}
+    prefix = description.identifier(kind) + "_"
+    if prefix == "_" or not set(files) <= inside:
+        return None, []  # there is a finding on that already
     objects, findings = _compile(files, sources, prefix, folder, time_limit)
     if findings:
         return None, findings

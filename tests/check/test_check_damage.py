@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from check.defects import STATIC, entries_of, write
-from fmu_builder.check import check_fmu
+from fmu_builder.check import Options, check_fmu
 
 VALUES = (
     "",
@@ -79,6 +79,24 @@ def test_random_damage_gives_messages_only(seed: int, right_fmu: Path, tmp_path:
         assert all(item.what and item.mend and item.place for item in report.findings)
         found += bool(report.findings)
     assert found > 0.8 * ROUNDS
+    assert list(tmp_path.iterdir()) == [fmu]
+
+
+def test_damage_reaches_no_further_when_the_binary_runs(right_fmu: Path, tmp_path: Path) -> None:
+    """The binary is right, the description is not: value references and types that do not fit."""
+    draw = random.Random(99)
+    entries = entries_of(right_fmu)
+    text = entries["modelDescription.xml"].decode()
+    fmu = tmp_path / "lti_test.fmu"
+    options = Options(sources=False, experiments=("state", "derivatives", "model exchange"))
+    for _ in range(12):
+        damaged = text
+        for _ in range(6):
+            damaged = draw.choice((_changed_value, _lost_attribute))(damaged, draw)
+        write(fmu, {**entries, "modelDescription.xml": damaged.encode()}.items())
+        report = check_fmu(fmu, options)
+        unfinished = [item for item in report.findings if item.rule == "experiment"]
+        assert not unfinished, report.text()
     assert list(tmp_path.iterdir()) == [fmu]
 
 

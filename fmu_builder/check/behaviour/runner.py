@@ -50,8 +50,7 @@ def _planned(description: Description, variable: ScalarVariable) -> PlannedVaria
     start, low, high = (number(attributes.get(name)) for name in ("start", "min", "max"))
     nominal = number(attributes.get("nominal"))
     size = nominal if nominal is not None and nominal > 0.0 else abs(start or 0.0) or 1.0
-    text = variable.own.get("derivative", "")
-    state = description.at(int(text) if text.isdigit() else None)
+    state = description.at(variable.state)
     entries = (*description.structure["Outputs"], *description.structure["Derivatives"])
     listed = [u.dependencies for u in entries if u.index == variable.position]
     named: set[str] | None = None
@@ -223,7 +222,7 @@ def _exchange(
     description: Description, folder: Path, time_limit: float, checked: list[str]
 ) -> tuple[list[Finding], bool]:
     """Run the experiment on model exchange, which may have a library of its own."""
-    identifier = description.interfaces["ModelExchange"].get("modelIdentifier", "")
+    identifier = description.identifier("ModelExchange")
     library = library_for_host(description, folder, identifier)
     if library is None:
         return [], False
@@ -250,7 +249,7 @@ def behaviour_findings(
         chosen: Names of the experiments to do, all when None; the others need "load" and "run".
     """
     kind = next((name for name in ("CoSimulation", "ModelExchange") if name in description.interfaces), None)
-    identifier = "" if kind is None else description.interfaces[kind].get("modelIdentifier", "")
+    identifier = "" if kind is None else description.identifier(kind)
     library = library_for_host(description, folder, identifier)
     if kind is None or library is None:
         what = "holds no binary for this machine, so that its behaviour was not looked at"

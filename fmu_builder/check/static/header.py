@@ -9,10 +9,9 @@ from datetime import datetime
 from pathlib import Path
 
 from fmu_builder.check.archive import DESCRIPTION
-from fmu_builder.check.description import Description, number, place_of
+from fmu_builder.check.description import IDENTIFIER, Description, number, place_of
 from fmu_builder.check.finding import Finding, Severity, practice, standard
 
-_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 _DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", re.ASCII)
 _LONGEST_IDENTIFIER = 63
 _SECTION = {"CoSimulation": "4.3.1", "ModelExchange": "3.3.1"}
@@ -30,7 +29,7 @@ def _identifier_findings(description: Description) -> Iterator[Finding]:
         name = attributes.get("modelIdentifier", "")
         place = f"{DESCRIPTION}, {kind}"
         paragraph = standard(_SECTION[kind])
-        if not _IDENTIFIER.fullmatch(name) or name in _KEYWORDS:
+        if not IDENTIFIER.fullmatch(name) or name in _KEYWORDS:
             what = (
                 f"modelIdentifier {name!r} is not a C identifier; it begins the names of functions and files"
             )
@@ -125,19 +124,19 @@ def _category_findings(description: Description) -> Iterator[Finding]:
 
 
 def _source_findings(description: Description, folder: Path) -> Iterator[Finding]:
+    sources = folder / "sources"
+    inside = {file.relative_to(sources).as_posix() for file in sources.rglob("*") if file.is_file()}
     for kind, names in description.sources.items():
         place, paragraph = f"{DESCRIPTION}, {kind}/SourceFiles", standard(_SECTION[kind])
         for name, count in Counter(names).items():
-            target = folder / "sources" / name
-            outside = ".." in Path(name).parts or Path(name).is_absolute()
-            if outside or not target.is_file():
+            if name not in inside:
                 what = f"lists {name!r}, which is not in sources/"
                 mend = "List exactly the files to compile, relative to sources/"
                 yield Finding(Severity.ERROR, "source-file", place, what, paragraph, mend)
             if count > 1:
                 what, mend = f"lists {name!r} {count} times", "List each file once"
                 yield Finding(Severity.ERROR, "source-file", place, what, paragraph, mend)
-    given = any((folder / "sources").glob("**/*.c"))
+    given = any(name.endswith(".c") for name in inside)
     if given and not any(description.sources.values()):
         what = "sources/ holds C files, but SourceFiles does not say which to compile"
         place, mend = DESCRIPTION, "List the files to compile"

@@ -5,32 +5,43 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 from fmu_builder.check.archive import DESCRIPTION
 from fmu_builder.check.finding import Finding, Severity, standard
 
 _LINE = re.compile(r"\bline (\d+)\b")
+_LISTS = ("Outputs", "InitialUnknowns", "Derivatives")
+_NAMES = re.compile(r"'([^']*)'|\"([^\"]*)\"")
 _QUOTED = re.compile(r'"([^"]+)"')
 
 
-def _places(findings: list[Finding]) -> tuple[set[str], str]:
-    """Return the lines that have a finding, and all their words."""
-    text = "\n".join(f"{finding.place} {finding.what}" for finding in findings)
-    return set(_LINE.findall(text)), text
+@dataclass(frozen=True)
+class _Said:
+    """The lines and names that findings speak of."""
 
+    lines: frozenset[str]
+    names: frozenset[str]
+    nothing: bool
 
-def _is_said(problem: str, findings: list[Finding]) -> bool:
-    """Whether a problem speaks of a line, a variable or a list that already has a finding."""
-    lines, words = _places(findings)
-    if set(_LINE.findall(problem)) & lines:
-        return True
-    lists = ("Outputs", "InitialUnknowns", "Derivatives")
-    quoted = [text for text in _QUOTED.findall(problem) if text not in ("output", "derivative")]
-    subjects = [*quoted, *(name for name in lists if name in problem)]
-    if not subjects and not _LINE.search(problem):  # fmpy's own exception over a broken description
-        return bool(findings)
-    return any(subject in words for subject in subjects)
+    @classmethod
+    def by(cls, findings: list[Finding]) -> _Said:
+        texts = [f"{finding.place} {finding.what}" for finding in findings]
+        lines = frozenset(line for text in texts for line in _LINE.findall(text))
+        names = {name for text in texts for pair in _NAMES.findall(text) for name in pair if name}
+        return cls(
+            lines, frozenset(names | {name for name in _LISTS if any(name in t for t in texts)}), not texts
+        )
+
+    def covers(self, problem: str) -> bool:
+        """Whether a problem speaks of a line, a variable or a list that already has a finding."""
+        lines = set(_LINE.findall(problem))
+        quoted = [text for text in _QUOTED.findall(problem) if text not in ("output", "derivative")]
+        subjects = {*quoted, *(name for name in _LISTS if name in problem)}
+        if not subjects and not lines:  # fmpy's own exception over a broken description
+            return not self.nothing
+        return bool(lines & self.lines or subjects & self.names)
 
 
 def _complaints(folder: Path) -> list[str]:
@@ -58,9 +69,10 @@ def second_opinion(folder: Path, findings: list[Finding]) -> list[Finding]:
         findings: What has been found so far.
     """
     errors = [finding for finding in findings if finding.severity is Severity.ERROR]
+    said = _Said.by(errors)
     mend = "Mend the description; this is the validator's own message"
     return [
         Finding(Severity.ERROR, "fmpy", DESCRIPTION, f"fmpy says: {problem}", standard("2.2"), mend)
         for problem in _complaints(folder)
-        if not _is_said(problem, errors)
+        if not said.covers(problem)
     ]

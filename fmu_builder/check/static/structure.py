@@ -40,20 +40,17 @@ def _index_findings(description: Description, tag: str) -> Iterator[Finding]:
             yield _finding("structure-duplicate", place, what, "List each unknown once")
 
 
-def _is_known(description: Description, tag: str, variable: ScalarVariable) -> bool:
+def _is_known(tag: str, variable: ScalarVariable, states: set[int | None]) -> bool:
     """Whether a variable may stand in the dependencies of an entry of this list."""
     if variable.causality in ("input", "independent"):
         return True
     if tag == "InitialUnknowns":
         return variable.initial in ("exact", "approx") or variable.variability == "constant"
-    return any(text == str(variable.position) for text in _states(description))
-
-
-def _states(description: Description) -> set[str]:
-    return {variable.own["derivative"] for variable in description.variables if "derivative" in variable.own}
+    return variable.position in states
 
 
 def _dependency_findings(description: Description, tag: str) -> Iterator[Finding]:
+    states = {variable.state for variable in description.variables}
     for unknown in description.structure[tag]:
         place, named = _place(tag, unknown), unknown.dependencies
         if unknown.kinds is not None and (named is None or len(named) != len(unknown.kinds)):
@@ -64,7 +61,7 @@ def _dependency_findings(description: Description, tag: str) -> Iterator[Finding
             if variable is None:
                 what = f"depends on position {position}, which does not exist"
                 yield _finding("dependency", place, what, _COUNT)
-            elif not _is_known(description, tag, variable):
+            elif not _is_known(tag, variable, states):
                 what = f"depends on {variable.name!r}, a {variable.variability} {variable.causality}"
                 mend = "Name inputs and continuous states (and in InitialUnknowns what is exact)"
                 yield _finding("dependency-known", place, what, mend, Severity.WARNING)
@@ -96,7 +93,8 @@ def _derivative_findings(description: Description) -> Iterator[Finding]:
         what = f"lists {_names(wrong)}, which do not say whose derivative they are"
         mend = "Give them the attribute derivative"
         yield _finding("derivatives-wrong", "ModelStructure, Derivatives", what, mend)
-    missing = [v for v in description.variables if "derivative" in v.own and v not in listed]
+    there = {v.position for v in listed if v is not None}
+    missing = [v for v in description.variables if "derivative" in v.own and v.position not in there]
     if missing and "ModelExchange" in description.interfaces:
         what = f"lacks {_names(missing)}, which have the attribute derivative"
         mend = "List them if their states are continuous states of the model"
@@ -110,8 +108,7 @@ def _expected_initially(description: Description) -> dict[int, ScalarVariable]:
         derivative = description.at(unknown.index)
         if derivative is None:
             continue
-        text = derivative.own.get("derivative", "")
-        state = description.at(int(text) if text.isdigit() else None)
+        state = description.at(derivative.state)
         exposed.extend(v for v in (derivative, state) if v is not None)
     expected = {v.position: v for v in exposed if v.initial in ("approx", "calculated")}
     calculated = {v.position: v for v in description.variables if v.causality == "calculatedParameter"}

@@ -93,7 +93,7 @@ def _derivative_troubles(variable: ScalarVariable, description: Description) -> 
     text = variable.own.get("derivative")
     if text is None:
         return
-    state = description.at(int(text) if text.isdigit() else None)
+    state = description.at(variable.state)
     if state is None:
         yield "derivative", f"is the derivative of variable {text}, which does not exist", "Count from 1"
     elif state.type != "Real" or state.variability != "continuous" or state is variable:

@@ -2,6 +2,7 @@
 
 BITS = 0.0  # the same arithmetic in the same order: nothing may differ
 SURROGATE_EXPONENTIAL = 1e-14  # of the largest entry: a few roundings against 40 digits
+CHAIN_TABLE = 1e-13  # of the largest entry: asked for; eight doublings round to 1e-14
 SURROGATE_EQUILIBRIUM = 1e-11  # m per m: a linear solve with condition 1e5 rounds there
 MESSAGE_DIGITS = 6e-6  # relative: six significant digits in a log message, half a unit of the last one
 SURROGATE_RECURSION = 1e-10  # of the signal's size: two orders of summation over hundreds of ticks
@@ -19,7 +20,7 @@ POLE = 1.5e-6  # the reference prints six decimals of poles in the z plane
 POLE_FREQUENCY = 0.0006  # Hz: printed with three decimals
 POLE_DAMPING = 0.00006  # printed with four decimals
 MEAN_DAMPING = 0.0006  # printed with three decimals
-ELEMENTARY_ULP = 1.0  # units of the last place: what elementary.c promises for exp, sin and cos
+ELEMENTARY_ULP = 1.0  # units of the last place: what elementary.c promises for exp, log, sin and cos
 WBM_EQUATIONS = (
     1e-12  # of the largest entry: closed forms against acos/atan2, rounding grows at the dead centres
 )

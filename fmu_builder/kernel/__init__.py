@@ -1,17 +1,33 @@
 """The only arithmetic of a local linear model network: C, and the same equations as scalar Python."""
 
+from fmu_builder.kernel.chain import Chain, chain_of, with_parameters
+from fmu_builder.kernel.chain_parameters import (
+    CHAIN_INPUTS,
+    CHAIN_OUTPUTS,
+    CHAIN_STATES,
+    CHAINS,
+    ChainParameter,
+)
 from fmu_builder.kernel.native import SOURCES, Network, simulate, static_outputs, validities
 from fmu_builder.kernel.table_writer import tables_header
 from fmu_builder.kernel.tables import Tables, tables_of, with_validity
 
 __all__ = [
+    "CHAINS",
+    "CHAIN_INPUTS",
+    "CHAIN_OUTPUTS",
+    "CHAIN_STATES",
     "SOURCES",
+    "Chain",
+    "ChainParameter",
     "Network",
     "Tables",
+    "chain_of",
     "simulate",
     "static_outputs",
     "tables_header",
     "tables_of",
     "validities",
+    "with_parameters",
     "with_validity",
 ]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from fmu_builder.kernel import Chain
 from fmu_builder.parameter_set import (
     DerivedOutput,
-    LocalLinearModel,
     NodeTable,
     Offsets,
     ParameterSet,
@@ -17,7 +18,7 @@ from fmu_builder.parameter_set import (
 )
 from identification.blending import as_parts, blended, stacked
 from identification.network import assemble
-from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, STATE_NAMES
+from identification.surrogate.chain import INPUT_NAMES, OUTPUT_NAMES, STATE_NAMES
 from identification.surrogate.result import SurrogateResult, Which
 
 
@@ -73,20 +74,25 @@ def network(
 
 
 def theta_nodes(result: SurrogateResult, which: Which) -> NodeTable:
-    """Return the node table of a theta blend: at every node theta is blended, then discretised."""
+    """Return the node table of a theta blend: at every node theta is blended, then discretised.
+
+    By the C that an FMU runs when somebody changes theta in there.
+
+    Raises:
+        ParameterSetError: A node does not come to rest.
+    """
     blend = result.frame.theta_blend
     if blend is None:
         raise ValueError("this surrogate blends matrices")
-    structure, sample_time = result.structure, result.local.models[0].sample_time
     shares = blend.shares(result.parameters_of(which).warp)
-    theta = structure.blended(result.theta(which), shares)
-    local = structure.discretise(theta, result.head, sample_time, derivatives=False)
-    through = nested(np.zeros((len(OUTPUT_NAMES), len(INPUT_NAMES))))
-    models = tuple(
-        LocalLinearModel(A=nested(A), B=nested(B), C=nested(OUTPUT_MATRIX), D=through, g=nested(g))
-        for A, B, g in zip(local.A, local.B, local.g, strict=True)
+    chain = Chain(
+        result.structure.name,
+        asdict(result.head),
+        result.theta(which),
+        shares,
+        result.local.models[0].sample_time,
     )
-    return NodeTable(positions=nested(blend.positions), weights=nested(shares), models=models)
+    return NodeTable(positions=nested(blend.positions), weights=nested(shares), models=chain.models())
 
 
 def _with_affine_offsets(parameter_set: ParameterSet, result: SurrogateResult, which: Which) -> ParameterSet:

@@ -24,11 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fmu_builder.errors import Problem, SettingsError
+from fmu_builder.kernel import CHAIN_INPUTS, CHAIN_OUTPUTS, CHAIN_STATES
 from identification.arrays import Array
 
-STATE_NAMES = ("xi", "xi_dot", "zeta", "zeta_dot", "delta_M", "delta_M_dot")
-OUTPUT_NAMES = STATE_NAMES[:4]
-INPUT_NAMES = ("eta", "M_pa")
+STATE_NAMES, OUTPUT_NAMES, INPUT_NAMES = CHAIN_STATES, CHAIN_OUTPUTS, CHAIN_INPUTS
 OUTPUT_MATRIX: Array = np.eye(len(OUTPUT_NAMES), len(STATE_NAMES))
 """C of eq. 3.24 without the two rows of delta_M, which has no counterpart in the reference (Remark 4.4.1)."""
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from fmu_builder.kernel import CHAINS, ChainParameter
 from identification.arrays import Array
 from identification.surrogate.chain import (
     INPUT_NAMES,
@@ -36,29 +37,13 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One free parameter of a structure.
+class Parameter(ChainParameter):
+    """One free parameter of a structure, as it is searched for.
 
     Attributes:
-        name: The thesis's letter.
-        unit: SI unit.
-        description: What it is.
-        lower: Lower bound (Table 4.2).
-        upper: Upper bound (Table 4.2).
-        scaling: Coordinate of the search and of the blend over the height: `log` for parameters that cannot
-            be negative, else `linear`.
-        size: A small value. `log`: takes the place of a lower bound of zero, and has no visible effect.
-            `linear`: the unit of the search coordinate.
         usual: Where a pantograph's value may be looked for when nothing is known: random starts.
     """
 
-    name: str
-    unit: str
-    description: str
-    lower: float
-    upper: float
-    scaling: Literal["log", "linear"] = "log"
-    size: float = 1.0
     usual: tuple[float, float] | None = None
 
     def searched(self, value: float) -> float:
@@ -68,8 +53,7 @@ class Parameter:
     @property
     def search_bounds(self) -> tuple[float, float]:
         """Lower and upper bound in the coordinate of the search."""
-        low = self.size if self.scaling == "log" and self.lower <= 0.0 else self.lower
-        return self.searched(low), self.searched(self.upper)
+        return self.searched(self.least), self.searched(self.upper)
 
     @property
     def start_bounds(self) -> tuple[float, float]:
@@ -80,39 +64,20 @@ class Parameter:
         return max(low, self.searched(self.usual[0])), min(high, self.searched(self.usual[1]))
 
 
-_M_H = Parameter("m_H", "kg", "mass of the upper part of the lower framework, at the head spring", 5.0, 50.0)
-_M_M = Parameter(
-    "m_M", "kg", "mass of the lower part of the lower framework, driven by the torque", 5.0, 50.0
-)
-_K_L = Parameter("k_L", "N/m", "stiffness between m_H and m_M", 0.0, 1e7, size=0.1, usual=(300.0, 3e5))
-_C_L = Parameter("c_L", "N.s/m", "damping between m_H and m_M", 1e-3, 2e5, usual=(0.3, 1000.0))
-_R_M = Parameter("r_M", "m", "lever arm of the torque on m_M", 1e-3, 0.6, usual=(0.03, 0.6))
-_K_W = Parameter("k_W", "N/m", "stiffness between m_M and the wall", 0.0, 1e7, size=0.1, usual=(1.0, 2e4))
-_C_W = Parameter("c_W", "N.s/m", "damping between m_M and the wall", 0.0, 2e5, size=1e-2, usual=(0.1, 3e3))
-_M_C = Parameter("m_C", "kg", "mass of the collector head", 1.0, 30.0)
-_K_C = Parameter("k_C", "N/m", "stiffness of the collector head suspension", 1e-7, 1e7, usual=(1e3, 1e5))
-_C_C = Parameter("c_C", "N.s/m", "damping of the collector head suspension", 1e-3, 2e5, usual=(1.0, 300.0))
+_USUAL = {
+    **{"k_L": (300.0, 3e5), "c_L": (0.3, 1000.0), "r_M": (0.03, 0.6), "k_W": (1.0, 2e4), "c_W": (0.1, 3e3)},
+    **{"k_C": (1e3, 1e5), "c_C": (1.0, 300.0)},
+}
+_USUAL_LIGHT = {
+    **{"m_H": (0.5, 30.0), "m_M": (1.0, 50.0), "k_L": (300.0, 3e5), "c_L": (0.3, 1000.0)},
+    **{"b_M": (0.05, 10.0), "b_H": (-0.5, 0.5), "k_W": (-300.0, 300.0), "c_W": (-10.0, 30.0)},
+    "c_H": (-10.0, 10.0),
+}
 
-# The crossbar alone may be light; the torque acts through the linkage, not by a lever below 0.6 m; and
-# a frame in neutral balance has stiffness and damping to the wall of either sign.
-_LIGHT = (
-    replace(_M_H, lower=0.3, usual=(0.5, 30.0)),
-    replace(_M_M, lower=0.3, usual=(1.0, 50.0)),
-    _K_L,
-    _C_L,
-    Parameter("b_M", "1/m", "force per torque on m_M, 1/r_M", 1e-3, 1e3, usual=(0.05, 10.0)),
-    Parameter("b_H", "1/m", "force per torque on m_H", -1e3, 1e3, "linear", 0.1, usual=(-0.5, 0.5)),
-    Parameter(
-        *("k_W", "N/m", "stiffness between m_M and the wall", -1e7, 1e7, "linear", 100.0),
-        usual=(-300.0, 300.0),
-    ),
-    Parameter(
-        *("c_W", "N.s/m", "damping between m_M and the wall", -2e5, 2e5, "linear", 10.0), usual=(-10.0, 30.0)
-    ),
-)
-_C_H = Parameter(
-    "c_H", "N.s/m", "damping between m_H and ground", -2e5, 2e5, "linear", 10.0, usual=(-10.0, 10.0)
-)
+
+def _searched(chain: str, usual: Mapping[str, tuple[float, float]]) -> tuple[Parameter, ...]:
+    """Return the parameters of a chain with where to look for them."""
+    return tuple(Parameter(**asdict(one), usual=usual.get(one.name)) for one in CHAINS[chain])
 
 
 @dataclass(frozen=True)
@@ -257,25 +222,25 @@ STRUCTURES: Mapping[str, Structure] = {
         Structure(
             "chain7",
             "three-mass oscillator with known collector head (eq. 3.35)",
-            (_M_H, _M_M, _K_L, _C_L, _R_M, _K_W, _C_W),
+            _searched("chain7", _USUAL),
             f"{_CHAIN};  m_M: M_pa / r_M",
         ),
         Structure(
             "chain8",
             "three-mass oscillator whose torque also acts on the upper mass, frame in balance",
-            _LIGHT,
+            _searched("chain8", _USUAL_LIGHT),
             f"{_CHAIN};  m_M: b_M M_pa;  m_H: b_H M_pa",
         ),
         Structure(
             "chain9",
             "chain8 with a damper from the upper mass to ground: any framework of two degrees of freedom",
-            (*_LIGHT, _C_H),
+            _searched("chain9", _USUAL_LIGHT),
             f"{_CHAIN};  m_M: b_M M_pa;  m_H: b_H M_pa, c_H to ground",
         ),
         Structure(
             "chain10",
             "three-mass oscillator with free collector head (eq. 3.37)",
-            (_M_H, _M_M, _K_L, _C_L, _R_M, _K_W, _C_W, _M_C, _K_C, _C_C),
+            _searched("chain10", _USUAL),
             f"{_CHAIN};  m_M: M_pa / r_M;  m_C, k_C, c_C free",
         ),
     )

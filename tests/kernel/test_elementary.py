@@ -1,4 +1,4 @@
-"""exp, sin, cos and sqrt in C against 50 digits of mpmath."""
+"""exp, log, sin, cos and sqrt in C against 50 digits of mpmath."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fmu_builder.compiler import load_native
 
 HERE = Path(__file__).parent
 KERNEL = Path(fmu_builder.__file__).parent / "kernel" / "c"
-FUNCTIONS = ("exp", "sin", "cos", "sqrt")
+FUNCTIONS = ("exp", "sin", "cos", "log", "sqrt")
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +49,23 @@ def samples(low: float, high: float, seed: int) -> np.ndarray:
 def test_exp_is_within_an_ulp(library: ctypes.CDLL, low: float, high: float) -> None:
     x = samples(low, high, 1)
     assert largest_error("exp", x, evaluate(library, "exp", x)) < tolerances.ELEMENTARY_ULP
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.6, 1.7), (0.999, 1.001), (1e-9, 1e-3), (1.0, 1e7), (1e300, 1e308)]
+)
+def test_log_is_within_an_ulp(library: ctypes.CDLL, low: float, high: float) -> None:
+    x = samples(low, high, 6)
+    assert largest_error("log", x, evaluate(library, "log", x)) < tolerances.ELEMENTARY_ULP
+
+
+def test_log_at_the_edges_of_its_reduction_and_among_the_smallest_numbers(library: ctypes.CDLL) -> None:
+    edges = np.array([2.0 / 3.0, 1.0, 4.0 / 3.0, 2.0, 2.0**-1022, 2.0**-1074, 3.0 * 2.0**-1070])
+    x = np.concatenate([edges[:5], np.nextafter(edges[:5], 0.0), np.nextafter(edges[:5], 9.0), edges[5:]])
+    x = x[x != 1.0]
+    assert largest_error("log", x, evaluate(library, "log", x)) < tolerances.ELEMENTARY_ULP
+    assert evaluate(library, "log", [0.0, 1.0, math.inf]).tolist() == [-math.inf, 0.0, math.inf]
+    assert np.isnan(evaluate(library, "log", [-1.0, -math.inf, -5e-324])).all()
 
 
 @pytest.mark.parametrize("name", ["sin", "cos"])

@@ -3,6 +3,7 @@
 #include "elementary.c"
 #include "kernel.c"
 #include "steady_tangent.c"
+#include "chain.c"
 
 EXPORTED int llmn_state_size(const Tables *tables) { return kernel_state_size(tables); }
 
@@ -65,4 +66,14 @@ EXPORTED void llmn_static_map(
         kernel_rest(tables, &view);
         for (i = 0; i < tables->outputs; ++i) values[row * tables->outputs + i] = view.held[i];
     }
+}
+
+EXPORTED int llmn_chain_table(
+    const ChainTables *tables, const double *head, const double *theta, double *A, double *B, double *g, int *node) {
+    return chain_table(tables, head, theta, A, B, g, node);
+}
+
+EXPORTED void llmn_chain_map_positions(
+    const double *positions, const double *values, int outputs, int rows, double ratio, double *moved) {
+    chain_map_positions(positions, values, outputs, rows, ratio, moved);
 }

@@ -5,24 +5,19 @@ from __future__ import annotations
 import atexit
 import hashlib
 import shutil
-import stat
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from fmpy import platform as fmpy_platform
 from fmpy import read_model_description, sharedLibraryExtension
 
+from fmu_builder.check import Severity, inspect_archive, unpack
 from fmu_builder.errors import FmuError, Problem
-
-LARGEST_ARCHIVE = 4 << 30
-"""Unpacked size in bytes above which an archive is taken for a mistake or an attack."""
 
 
 @dataclass(frozen=True)
@@ -97,61 +92,23 @@ def same_unit(one: str | None, other: str | None) -> bool:
     return not one or not other or one.translate(written) == other.translate(written)
 
 
-def _archive_problems(path: Path, archive: zipfile.ZipFile) -> list[Problem]:
-    """Everything about the entries of an archive that would make unpacking it unsafe."""
-    problems = []
-    for entry in archive.infolist():
-        parts = PurePosixPath(entry.filename).parts
-        unsafe = (
-            ".." in parts or entry.filename.startswith("/") or "\\" in entry.filename or ":" in entry.filename
-        )
-        if unsafe:
-            what = f"the archive holds the path {entry.filename!r}, which leads out of its folder"
-            problems.append(
-                Problem(str(path), what, "Do not use this file; ask its author for a clean export")
-            )
-        if stat.S_ISLNK(entry.external_attr >> 16):
-            what = f"the archive holds the symbolic link {entry.filename!r}"
-            problems.append(Problem(str(path), what, "Ask its author for an export without links"))
-    if sum(entry.file_size for entry in archive.infolist()) > LARGEST_ARCHIVE:
-        what = f"the archive unpacks to more than {LARGEST_ARCHIVE >> 30} GiB"
-        problems.append(Problem(str(path), what, "Check that it is an FMU"))
-    if "modelDescription.xml" not in archive.namelist():
-        what = "the archive has no modelDescription.xml"
-        problems.append(Problem(str(path), what, "Check that it is an FMU, exported whole"))
-    return problems
-
-
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack an archive after looking at every entry.
 
     Raises:
         FmuError: The file is missing, unreadable, damaged, or its entries are unsafe.
     """
-    if not path.is_file():
-        raise FmuError.of(str(path), "there is no such FMU file", "Give the path of an existing .fmu file")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if problems := _archive_problems(path, archive):
-                raise FmuError(problems)
-            if damaged := archive.testzip():
-                what = f"the entry {damaged!r} is damaged"
-                raise FmuError.of(str(path), what, "Copy or export the file again")
-            archive.extractall(folder)
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        EOFError,
-        NotImplementedError,
-        RuntimeError,
-        ValueError,
-    ) as reason:
-        if isinstance(reason, FmuError):
-            raise
-        what = f"is not a readable FMU archive ({reason})"
-        raise FmuError.of(str(path), what, "Copy or export the file again; it may be cut short") from reason
-    except OSError as reason:
-        raise FmuError.of(str(path), f"cannot be read ({reason})", "Check the file and the disk") from reason
+    harmless = ("archive-duplicate",)  # zip files of many tools have them, and the last one counts here
+    found = [item for item in inspect_archive(path) if item.rule not in harmless]
+    if not any(item.severity is Severity.ERROR for item in found):
+        found = unpack(path, folder)
+    problems = [
+        Problem(str(path) if item.place == "archive" else f"{path}, {item.place}", item.what, item.mend)
+        for item in found
+        if item.severity is Severity.ERROR
+    ]
+    if problems:
+        raise FmuError(problems)
 
 
 def _read_description(path: Path, folder: Path) -> Any:

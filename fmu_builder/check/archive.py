@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from fmu_builder.check.finding import Finding, Severity, practice, standard
 
 DESCRIPTION = "modelDescription.xml"
-LARGEST_UNPACKED = 2 << 30
+LARGEST_UNPACKED = 4 << 30
 """Size in bytes of all entries together above which an archive is not unpacked."""
 
 MOST_ENTRIES = 100_000
@@ -145,7 +145,8 @@ def inspect_archive(path: Path) -> list[Finding]:
     """
     if not path.is_file():
         mend = "Give the path of an existing .fmu file"
-        return [Finding(Severity.ERROR, "archive", str(path), "there is no such file", _DISTRIBUTION, mend)]
+        what = "there is no such FMU file"
+        return [Finding(Severity.ERROR, "archive", "archive", what, _DISTRIBUTION, mend)]
     findings: list[Finding] = []
     if path.suffix != ".fmu":
         what = f"ends with {path.suffix!r}, not with '.fmu'"
@@ -156,7 +157,7 @@ def inspect_archive(path: Path) -> list[Finding]:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
     except _READING_FAILS as reason:
-        what = f"is not a readable zip archive ({reason})"
+        what = f"is not a readable FMU archive ({reason})"
         mend = "Copy or export the file again; it may be cut short"
         return [*findings, Finding(Severity.ERROR, "archive", "archive", what, _DISTRIBUTION, mend)]
     names = [entry.orig_filename for entry in entries]

@@ -28,6 +28,11 @@ def practice(whose: str) -> str:
     return f"not in FMI 2.0.4: {whose}"
 
 
+def printable(text: str) -> str:
+    """Return a text that a terminal shows and does not obey, whoever wrote it."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
 @dataclass(frozen=True)
 class Finding:
     """One thing that is wrong with an FMU, or that keeps it out of some tool.
@@ -49,7 +54,7 @@ class Finding:
     mend: str
 
     def __str__(self) -> str:
-        return f"{self.severity}: {self.place}: {self.what} ({self.paragraph}). {self.mend}."
+        return printable(f"{self.severity}: {self.place}: {self.what} ({self.paragraph}). {self.mend}.")
 
 
 @dataclass(frozen=True)
@@ -96,4 +101,5 @@ class Report:
         """Return the report for a person: one line per finding and a line of counts."""
         numbers = ", ".join(f"{count} {name}{'s' * (count != 1)}" for name, count in self.counts().items())
         lines = [str(finding) for finding in self.findings]
-        return "\n".join([*lines, f"{self.fmu}: {numbers}; checked: {', '.join(self.checked) or 'nothing'}"])
+        what = ", ".join(self.checked) or "nothing"
+        return "\n".join([*lines, f"{printable(self.fmu)}: {numbers}; checked: {what}"])

@@ -99,8 +99,8 @@ def test_what_is_no_archive_is_said(content: bytes, tmp_path: Path) -> None:
 
 
 def test_a_missing_file_and_a_folder_are_said(tmp_path: Path) -> None:
-    assert "no such file" in finding(tmp_path / "none.fmu", "archive").what
-    assert "no such file" in finding(tmp_path, "archive").what
+    assert "no such FMU file" in finding(tmp_path / "none.fmu", "archive").what
+    assert "no such FMU file" in finding(tmp_path, "archive").what
 
 
 def test_random_damage_gives_messages_only(right_fmu: Path, tmp_path: Path) -> None:

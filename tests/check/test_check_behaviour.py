@@ -9,6 +9,7 @@ import pytest
 from check.defects import entries_of, finding, replaced, with_description, write
 from check.planted import Changes, with_binary
 from fmu_builder.check import Options, Severity, check_fmu
+from fmu_builder.check.behaviour import runner
 from fmu_builder.check.behaviour.worker import EXPERIMENTS
 from fmu_builder.compiler import host_platform
 
@@ -142,6 +143,9 @@ DEFECTS: dict[str, tuple[str, str, Changes]] = {
 }  # fmt: skip
 
 
+ESCAPES = '"no steady state for \\033[31mdrive = \\n"'
+
+
 def only(experiment: str, time_limit: float = 60.0) -> Options:
     needed = ("state", "communication steps", experiment)
     chosen = needed if experiment in ("state in another process", "an hour") else (experiment,)
@@ -179,6 +183,12 @@ def test_after_a_crash_the_other_calls_are_still_made(right_fmu: Path, tmp_path:
     assert any(item.rule == "step-illegal" for item in report.findings)
 
 
+def test_an_hour_that_would_take_too_long_is_cut_and_said(right_fmu: Path, monkeypatch) -> None:
+    monkeypatch.setattr(runner, "_BUDGET_SHARE", 0.0)
+    found = finding(right_fmu, "hour-cut", only("an hour"))
+    assert found.severity is Severity.NOTE and "0 s of model time" in found.what
+
+
 def test_an_input_that_acts_at_once_without_being_named_is_found(right_fmu: Path, tmp_path: Path) -> None:
     change = replaced('index="5" dependencies="2 3 8"', 'index="5" dependencies="3 8"')
     fmu = with_description(right_fmu, tmp_path / "lti_test.fmu", change)
@@ -197,6 +207,21 @@ def test_a_description_of_another_binary_is_found(right_fmu: Path, tmp_path: Pat
     fmu = with_description(right_fmu, tmp_path / "a.fmu", replaced('guid="{', 'guid="{0'))
     found = finding(fmu, "instantiate", only("run"))
     assert "GUID is not that of this FMU" in found.what
+
+
+def test_a_terminal_does_not_obey_what_an_fmu_says(right_fmu: Path, tmp_path: Path) -> None:
+    changes = (
+        ("lti_model.c", '"no steady state for drive = "', ESCAPES),
+        (
+            "lti_model.c",
+            "    if (inputs[VARIABLE_drive] > 5.0) {",
+            "    if (inputs[VARIABLE_drive] > -5.0) {",
+        ),
+    )
+    report = check_fmu(with_binary(right_fmu, tmp_path, changes), only("run"))
+    assert not report.passed
+    (line,) = [line for line in report.text().splitlines() if "no steady state" in line]
+    assert r"\x1b[31mdrive = \n" in line and "\x1b" not in line
 
 
 def test_without_a_binary_for_this_machine_that_is_said(right_fmu: Path, tmp_path: Path) -> None:

@@ -69,4 +69,4 @@ def test_the_command_lines_of_the_document_run(fmu: Path, tmp_path: Path) -> Non
 def test_a_missing_file_is_a_finding(tmp_path: Path) -> None:
     result = checked(tmp_path, "none.fmu")
     assert result.returncode == 1
-    assert "there is no such file" in result.stdout
+    assert "there is no such FMU file" in result.stdout

@@ -135,12 +135,18 @@ def build(
     platform: Annotated[
         list[str] | None, typer.Option(help="FMI platform folder, several allowed.", show_default=False)
     ] = None,
+    backend: Annotated[
+        str, typer.Option(help="`native`, or `pythonfmu`: NumPy inside, for fmpy only.")
+    ] = "native",
     as_json: Json = False,
 ) -> None:
     """Package a parameter set, or the white-box pantograph, as an FMU."""
-    from cosimulation.build import build_model
+    from cosimulation.build import Backend, build_model
 
-    path = build_model(model, output, tuple(platform or ()))
+    known = [item.value for item in Backend]
+    if backend not in known:
+        raise SettingsError.of(f"--backend {backend}", "is not known", f"Use one of: {', '.join(known)}")
+    path = build_model(model, output, tuple(platform or ()), Backend(backend))
     _print({"fmu": str(path)}, as_json, f"FMU: {path}")
 
 

@@ -100,7 +100,7 @@ def _compile(interface: Interface, sources: Mapping[str, str], platforms: Sequen
     return binaries
 
 
-def _write_archive(path: Path, entries: Mapping[str, bytes]) -> None:
+def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:
     """Write a zip that depends on the entries only: stored, fixed date and modes, the description first."""
     names = sorted(entries, key=lambda name: (name != "modelDescription.xml", name))
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
@@ -171,5 +171,5 @@ def build_fmu(
         **{f"resources/{name}": content for name, content in (resources or {}).items()},
     }
     with written_atomically(output) as temporary:
-        _write_archive(temporary, entries)
+        write_archive(temporary, entries)
     return output

@@ -75,6 +75,7 @@ def build_python_fmu(
     native = interface(parameter_set, model_identifier)
     shown = replace(
         native,
+        variables=tuple(v for v in native.variables if v.causality in ("input", "output")),
         description=f"{native.description}; {_WHERE}",
         tool=f"{native.tool} with pythonfmu {installed.version}",
         directional_derivatives=False,

@@ -1,26 +1,3 @@
-/* The test FMU with a heap of its own that counts. */
+/* The test FMU with a heap that counts. */
 #include "all.c"
-
-static double arena[1 << 14];
-static size_t used;
-static int allocations;
-
-EXPORTED int allocation_count(void);
-
-EXPORTED int allocation_count(void)
-{
-    return allocations;
-}
-
-void *calloc(size_t count, size_t size)
-{
-    const size_t first = used;
-    used += (count * size + sizeof arena[0] - 1) / sizeof arena[0];
-    ++allocations;
-    return used <= sizeof arena / sizeof arena[0] ? &arena[first] : NULL;
-}
-
-void free(void *memory)
-{
-    (void)memory;
-}
+#include "counting_heap.c"

@@ -12,6 +12,7 @@ import fmpy
 import networks
 import numpy as np
 import pytest
+import theta_networks
 from fmpy.validation import validate_fmu
 from fmu_runner import opened, run_fmu
 
@@ -103,6 +104,17 @@ def test_both_fmus_agree_through_fmpy_at_uneven_steps(parameter_set: ParameterSe
     expected = by_uneven_steps(native, inputs, names)
     assert not different(by_uneven_steps(built(parameter_set, tmp_path), inputs, names), expected)
     assert len(set(expected[:, -1])) == 2 and different(expected[:-1], expected[1:])
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.1])
+def test_both_fmus_agree_through_fmpy_on_a_surrogate(gain: float, tmp_path: Path) -> None:
+    """Theta blended over a node table of unequal steps, a stiff contact, with and without the deviation."""
+    parameter_set = theta_networks.theta_network("chain8", gain=gain)
+    native = build_llmn(parameter_set, tmp_path / "native.fmu", (host_platform(),))
+    inputs, names = theta_networks.inputs_of(600), parameter_set.output_names
+    expected = run_fmu(native, inputs, names, parameter_set.sample_time)
+    found = run_fmu(built(parameter_set, tmp_path), inputs, names, parameter_set.sample_time)
+    assert not different(found, expected)
 
 
 def test_fmpy_finds_nothing_wrong_and_the_check_nothing_that_python_could_mend(fmu: Path) -> None:

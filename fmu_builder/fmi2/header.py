@@ -56,6 +56,7 @@ def variables_header(interface: Interface, guid: str) -> str:
         *positions,
         f"    VARIABLE_COUNT = {len(interface.variables)},",
         f"    INPUT_COUNT = {len(interface.inputs)},",
+        f"    PARAMETER_COUNT = {len(interface.of_causality('parameter'))},",
         f"    CONTINUOUS_STATES = {len(interface.states)},",
         f"    STATE_SLOTS = {max(1, len(interface.states))}",
         "};",

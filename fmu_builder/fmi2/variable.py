@@ -20,7 +20,7 @@ _INTEGER_LIMIT = 2**31
 _DEFAULT_VARIABILITY = {"parameter": "fixed"}
 _DEFAULT_INITIAL = {"parameter": "exact", "input": "exact", "output": "calculated", "local": "calculated"}
 _LEGAL = {
-    "parameter": ({"fixed"}, {"exact"}),
+    "parameter": ({"fixed", "tunable"}, {"exact"}),
     "input": ({"continuous", "discrete"}, {"exact"}),
     "output": ({"continuous", "discrete"}, {"calculated"}),
     "local": ({"continuous", "discrete", "fixed", "constant"}, {"calculated", "exact"}),
@@ -36,6 +36,7 @@ class Variable:
         type: "Real", "Integer", "Boolean" or "Enumeration".
         causality: "input", "parameter", "output" or "local".
         variability: Empty: "fixed" for parameters, else "continuous" for Real and "discrete" for other types.
+            A "tunable" parameter may also be set between communication steps and in event mode.
         initial: Empty: "exact" for inputs and parameters, "calculated" for outputs and locals.
         unit: A name in `UNITS`, or empty for none.
         description: What it is, for a reader.

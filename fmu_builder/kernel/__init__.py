@@ -6,10 +6,13 @@ from fmu_builder.kernel.chain_parameters import (
     CHAIN_OUTPUTS,
     CHAIN_STATES,
     CHAINS,
+    CONTACT_STIFFNESS,
+    LARGEST_CONTACT_STIFFNESS,
+    LEAST_CONTACT_STIFFNESS,
     ChainParameter,
 )
 from fmu_builder.kernel.native import SOURCES, Network, simulate, static_outputs, validities
-from fmu_builder.kernel.table_writer import tables_header
+from fmu_builder.kernel.table_writer import tables_header, theta_header
 from fmu_builder.kernel.tables import Tables, tables_of, with_validity
 
 __all__ = [
@@ -17,6 +20,9 @@ __all__ = [
     "CHAIN_INPUTS",
     "CHAIN_OUTPUTS",
     "CHAIN_STATES",
+    "CONTACT_STIFFNESS",
+    "LARGEST_CONTACT_STIFFNESS",
+    "LEAST_CONTACT_STIFFNESS",
     "SOURCES",
     "Chain",
     "ChainParameter",
@@ -27,6 +33,7 @@ __all__ = [
     "static_outputs",
     "tables_header",
     "tables_of",
+    "theta_header",
     "validities",
     "with_parameters",
     "with_validity",

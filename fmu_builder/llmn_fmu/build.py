@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu
-from fmu_builder.kernel import SOURCES, tables_header, tables_of
+from fmu_builder.kernel import SOURCES, chain_of, tables_header, tables_of, theta_header
 from fmu_builder.llmn_fmu.card import model_card
 from fmu_builder.llmn_fmu.variables import interface
 from fmu_builder.parameter_set import ParameterSet
@@ -22,7 +22,8 @@ def build_llmn(
 ) -> Path:
     """Build the FMI 2.0 FMU of a network: numbers as tables, the kernel as it is.
 
-    It serves model exchange, with a time event at every tick, and co-simulation.
+    It serves model exchange, with a time event at every tick, and co-simulation. The physical parameters of a
+    surrogate whose theta is blended are tunable parameters of the FMU, which makes its tables anew from them.
 
     The parameter set goes into resources/parameter_set.json, a model card into documentation/index.html. The
     same arguments give the same bytes.
@@ -41,12 +42,16 @@ def build_llmn(
         OutputError: `output` cannot be written.
     """
     shown = interface(parameter_set, model_identifier)
+    headers, unity = {"tables.h": tables_header(tables_of(parameter_set))}, "all.c"
+    chain = chain_of(parameter_set)
+    if chain is not None:
+        headers["theta_tables.h"], unity = theta_header(parameter_set, chain), "surrogate.c"
     return build_fmu(
         shown,
         parameter_set.model_hash(),
-        _C_FOLDER / "all.c",
+        _C_FOLDER / unity,
         (_C_FOLDER, SOURCES),
-        {"tables.h": tables_header(tables_of(parameter_set))},
+        headers,
         output,
         platforms=platforms,
         resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8")},

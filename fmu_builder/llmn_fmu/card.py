@@ -7,7 +7,7 @@ from html import escape
 
 from pydantic import JsonValue
 
-from fmu_builder.fmi2 import Interface
+from fmu_builder.fmi2 import Interface, Variable
 from fmu_builder.parameter_set import ParameterSet
 
 _OFFSETS = {
@@ -51,6 +51,7 @@ def model_card(parameter_set: ParameterSet, shown: Interface) -> str:
         *_range(parameter_set),
         *_behaviour(parameter_set),
         *_variables(shown),
+        *_parameters(shown),
         *_scores(parameter_set),
         *_told(parameter_set, _CHOICES, "What was chosen automatically", _CHOICE_COLUMNS),
         *_provenance(parameter_set),
@@ -124,8 +125,41 @@ def _variables(shown: Interface) -> Iterator[str]:
             variable.description,
         )
         for variable in shown.variables
+        if not _is_given(variable)
     ]
     yield _table(("name", "causality", "unit", "inputs that act at once", "description"), rows)
+
+
+def _is_given(variable: Variable) -> bool:
+    """Whether it is a parameter or a constant."""
+    return variable.causality == "parameter" or variable.variability == "constant"
+
+
+def _parameters(shown: Interface) -> Iterator[str]:
+    given = [variable for variable in shown.variables if _is_given(variable)]
+    if not given:
+        return
+    yield "<h2>Parameters and constants</h2>"
+    if any(variable.variability == "tunable" for variable in given):
+        yield _paragraph(
+            "Tunable parameters may be set before the start, between communication steps and in event mode."
+            " The model is then made anew: physical parameters are blended and discretised at every node,"
+            " positions and velocities go on from where they are. What makes it unstable is refused. Scores,"
+            " and any certificate of stability, belong to the start values only."
+        )
+    rows = [
+        (
+            variable.name,
+            variable.variability,
+            _number(variable.start),
+            _number(variable.minimum),
+            _number(variable.maximum),
+            variable.unit,
+            variable.description,
+        )
+        for variable in given
+    ]
+    yield _table(("name", "variability", "start", "smallest", "largest", "unit", "description"), rows)
 
 
 def _scores(parameter_set: ParameterSet) -> Iterator[str]:

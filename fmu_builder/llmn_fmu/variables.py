@@ -5,6 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fmu_builder.fmi2 import Interface, Variable
+from fmu_builder.kernel import (
+    CONTACT_STIFFNESS,
+    LARGEST_CONTACT_STIFFNESS,
+    LEAST_CONTACT_STIFFNESS,
+    chain_of,
+)
 from fmu_builder.parameter_set import ParameterSet
 
 _KINDS = {
@@ -15,10 +21,12 @@ _KINDS = {
 
 
 def interface(parameter_set: ParameterSet, model_identifier: str | None = None) -> Interface:
-    """Return the interface: inputs, outputs, derived outputs, validity_1..M, in_range, in this order.
+    """Return the interface: inputs, outputs, derived outputs, validity_1..M, in_range, parameters, constants.
 
     Inputs start at the operating point, their limits are those seen in training. Outputs carry no limits:
-    what was seen in training does not bound them.
+    what was seen in training does not bound them. Parameters are the physical ones of a surrogate whose theta
+    is blended: k_E, and `theta_NAME_I` of every local model I = 1, 2, ... The numbers in derived outputs that
+    are no parameters are constants.
 
     Args:
         parameter_set: The network.
@@ -97,6 +105,68 @@ def _variables(parameter_set: ParameterSet) -> Iterator[Variable]:
         causality="output",
         description="Whether the inputs of the last tick lie in the trained range",
     )
+    parameters = tuple(_parameters(parameter_set))
+    yield from parameters
+    yield from _constants(parameter_set, {variable.name for variable in parameters})
+
+
+def _parameters(parameter_set: ParameterSet) -> Iterator[Variable]:
+    """Yield k_E and theta, local model by local model: the order of c/llmn_theta.c."""
+    chain = chain_of(parameter_set)
+    if chain is None:
+        return
+    stiffness = chain.head[CONTACT_STIFFNESS]
+    yield Variable(
+        CONTACT_STIFFNESS,
+        causality="parameter",
+        variability="tunable",
+        unit="N/m",
+        description="Contact stiffness between wire and collector head",
+        start=stiffness,
+        minimum=min(LEAST_CONTACT_STIFFNESS, stiffness),
+        maximum=max(LARGEST_CONTACT_STIFFNESS, stiffness),
+        nominal=stiffness,
+    )
+    partition = parameter_set.partition
+    for number, (centre, row) in enumerate(
+        zip(partition.centres, chain.theta.tolist(), strict=True), start=1
+    ):
+        where = f"local model {number}, {partition.scheduling} = {centre:g}"
+        for parameter, value in zip(chain.parameters, row, strict=True):
+            yield Variable(
+                f"theta_{parameter.name}_{number}",
+                causality="parameter",
+                variability="tunable",
+                unit=parameter.unit,
+                description=f"{parameter.description}; {where}",
+                start=value,
+                minimum=parameter.lower,
+                maximum=parameter.upper,
+                nominal=abs(value) or parameter.size,
+            )
+
+
+def _constants(parameter_set: ParameterSet, taken: set[str]) -> Iterator[Variable]:
+    """Yield the numbers of the derived outputs once each; with another value under a known name, prefixed."""
+    shown: dict[str, float] = {}
+    signals = {*parameter_set.input_names, *parameter_set.output_names}
+    for derived in parameter_set.derived_outputs:
+        for name, number in derived.parameters.items():
+            own = name
+            if name in signals or shown.get(name, number.value) != number.value:
+                own = f"{derived.name}_{name}"
+            if own in shown or own in taken:
+                continue
+            shown[own] = number.value
+            yield Variable(
+                own,
+                causality="local",
+                variability="constant",
+                initial="exact",
+                unit=number.unit,
+                description=number.description or f"Constant in {derived.name}",
+                start=number.value,
+            )
 
 
 def _direct_inputs(parameter_set: ParameterSet, row: int) -> tuple[str, ...]:

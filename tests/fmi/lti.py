@@ -30,6 +30,15 @@ VARIABLES = (
     Variable("der_x_2", unit="m/s", derivative_of="x_2", dependencies=("x_1", "x_2", "drive", "load")),
     Variable("preset", type="Enumeration", causality="parameter", start=1, enumeration=("weak", "strong")),
     Variable("scale", causality="parameter", unit="1", start=2.5, minimum=0.5, maximum=4.0),
+    Variable(
+        *("shift",),
+        causality="parameter",
+        variability="tunable",
+        unit="m",
+        start=0.0,
+        minimum=-1.0,
+        maximum=1.0,
+    ),
 )
 INTERFACE = Interface(
     model_identifier="lti_test",

@@ -125,7 +125,7 @@ def test_model_structure() -> None:
     }
     assert listed["Derivatives"] == {"der_x_1": "1 2 3 8", "der_x_2": "1 2 3 8"}
     unknowns = ["x_1", "scaled", "mixed", "in_range", "reciprocal", "x_2", "der_x_1", "der_x_2"]
-    assert listed["InitialUnknowns"] == dict.fromkeys(unknowns, "1 2 11 12")
+    assert listed["InitialUnknowns"] == dict.fromkeys(unknowns, "1 2 11 12 13")
     assert list(listed["InitialUnknowns"]) == unknowns
 
 

@@ -27,6 +27,7 @@ IN_BOTH = {
     "SetInteger": "inse",
     "SetString": "inse",
     "SetParameter": "in",
+    "SetTunable": "inse",
     "GetFMUstate": "insectf",
     "GetDirectionalDerivative": "nsectf",
 }
@@ -96,6 +97,7 @@ ACTS: dict[str, Callable[[Slave], int]] = {
     "SetInteger": lambda s: s.SetInteger(None, _NONE, None),
     "SetString": lambda s: s.SetString(None, _NONE, None),
     "SetParameter": lambda s: s.set([VR["scale"]], [0.75]),
+    "SetTunable": lambda s: s.set([VR["shift"]], [0.0]),
     "GetFMUstate": _state,
     "GetDirectionalDerivative": lambda s: s.GetDirectionalDerivative(None, _NONE, None, _NONE, None, None),
     "SetRealInputDerivatives": lambda s: s.slope([VR["load"]], [0.5]),
@@ -149,7 +151,7 @@ def test_call_order(new_sampled: Callable[..., Slave], kind: int, mode: str, fun
     assert (ACTS[function](slave) == OK) is legal
     if not legal:
         assert len(slave.log) == 1
-        name = "fmi2SetReal" if function == "SetParameter" else f"fmi2{function}"
+        name = "fmi2SetReal" if function in ("SetParameter", "SetTunable") else f"fmi2{function}"
         assert slave.log[0][2].startswith(name + ": ")
         if function in foreign:
             own = "model exchange" if kind == MODEL_EXCHANGE else "co-simulation"

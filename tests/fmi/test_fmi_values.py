@@ -99,7 +99,7 @@ def test_without_instance_every_call_is_an_error(lti_library: ctypes.CDLL) -> No
             lambda s: s.SetString((ctypes.c_uint * 1)(0), ctypes.c_size_t(1), (ctypes.c_char_p * 1)(b"")),
             "another type",
         ),
-        (lambda s: ERROR if s.get([12]) is None else OK, "fmi2GetReal: unknown value reference 12"),
+        (lambda s: ERROR if s.get([13]) is None else OK, "fmi2GetReal: unknown value reference 13"),
         (lambda s: ERROR if s.get([4000000000]) is None else OK, "unknown value reference 4000000000"),
         (lambda s: ERROR if s.get([VR["in_range"]]) is None else OK, "in_range has another type"),
         (lambda s: s.step(0.0, 0.0), "the communication step size must be positive, not 0 s"),

@@ -173,6 +173,7 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
         instance->warned[k] = 0;
     }
     instance->warned_of_events = 0;
+    instance->warned_of_parameters = 0;
     instance->last_step = fmi2OK;
     return fmi2OK;
 }
@@ -195,6 +196,7 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
     FMI2_Export fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const type value[]) \
     {                                                                                                         \
         Message message;                                                                                      \
+        double before[VARIABLE_COUNT];                                                                        \
         fmi2Status status = fmi2OK;                                                                           \
         Instance *instance = instance_of(c, legal, #name, &message);                                          \
         if (instance == NULL || !instance_knows(instance, vr, nvr, value, types, &message)) {                 \
@@ -205,10 +207,17 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
                 return fmi2Error;                                                                             \
             }                                                                                                 \
         }                                                                                                     \
+        const int parameters = instance_has_parameters(vr, nvr);                                              \
+        for (unsigned k = 0; parameters && k < VARIABLE_COUNT; ++k) {                                         \
+            before[k] = instance->slave.values[k];                                                            \
+        }                                                                                                     \
         for (size_t k = 0; k < nvr; ++k) {                                                                    \
             if (instance_store(instance, vr[k], as_double(value[k])) != fmi2OK) {                             \
                 status = fmi2Warning;                                                                         \
             }                                                                                                 \
+        }                                                                                                     \
+        if (parameters) {                                                                                     \
+            status = instance_parameters_set(instance, before, status);                                       \
         }                                                                                                     \
         return status;                                                                                        \
     }

@@ -13,6 +13,7 @@ typedef struct {
     char name[NAME_CAPACITY];
     unsigned char warned[VARIABLE_COUNT];
     unsigned char warned_of_events;
+    unsigned char warned_of_parameters;
 } Instance;
 
 /* In which modes a function may be called (FMI 2.0.4, sections 3.2.3 and 4.2.4), and on instances for what. */
@@ -30,7 +31,7 @@ enum {
     LEGAL_Get = MODE_READABLE,
     LEGAL_SetReal = MODE_INSTANTIATED | MODE_INITIALISATION | MODE_RUNNING,
     LEGAL_SetDiscrete = LEGAL_SetReal - MODE_CONTINUOUS,
-    LEGAL_SetParameter = MODE_INSTANTIATED | MODE_INITIALISATION,
+    LEGAL_SetFixed = MODE_INSTANTIATED | MODE_INITIALISATION,
     LEGAL_State = MODE_ANY,
     LEGAL_GetDirectionalDerivative = MODE_READABLE,
     LEGAL_SetRealInputDerivatives = ONLY_CO_SIMULATION | MODE_INSTANTIATED | MODE_INITIALISATION | MODE_STEP,
@@ -173,7 +174,9 @@ static int instance_knows(const Instance *instance, const fmi2ValueReference vr[
 static fmi2Status instance_prepare(Instance *instance, const fmi2ValueReference vr[], size_t count, Message *message)
 {
     for (size_t k = 0; k < count; ++k) {
-        const int given = variable_causality[vr[k]] == CAUSALITY_INPUT || variable_causality[vr[k]] == CAUSALITY_PARAMETER;
+        const int given = variable_causality[vr[k]] == CAUSALITY_INPUT ||
+                          variable_causality[vr[k]] == CAUSALITY_PARAMETER ||
+                          variable_variability[vr[k]] == VARIABILITY_CONSTANT;
         if (!given && slave_prepare_outputs(&instance->slave, message) != 0) {
             return instance_refuse(instance, message, "");
         }
@@ -223,12 +226,14 @@ static int instance_accepts(const Instance *instance, fmi2ValueReference vr, dou
     if (causality != CAUSALITY_INPUT && !is_parameter) {
         message_append(message, variable_name[vr]);
         message_append(message, " is neither an input nor a parameter and cannot be set");
-    } else if (is_parameter && (instance->slave.mode & LEGAL_SetParameter) == 0) {
+    } else if (is_parameter && variable_variability[vr] == VARIABILITY_FIXED &&
+               (instance->slave.mode & LEGAL_SetFixed) == 0) {
         message_append(message, variable_name[vr]);
         message_append(message, " is a fixed parameter and can only be set before initialisation ends");
     } else if (instance->slave.mode == MODE_CONTINUOUS && variable_variability[vr] != VARIABILITY_CONTINUOUS) {
         message_append(message, variable_name[vr]);
-        message_append(message, " is discrete and can only be set in event mode");
+        message_append(message, is_parameter ? " is a tunable parameter" : " is discrete");
+        message_append(message, " and can only be set in event mode");
     } else if (!is_finite(value)) {
         message_append(message, variable_name[vr]);
         message_append(message, " must be a finite number");
@@ -254,5 +259,38 @@ static fmi2Status instance_store(Instance *instance, fmi2ValueReference vr, doub
     message_clear(&message);
     message_append_outside(&message, vr, value);
     message_append(&message, ": the model extrapolates (reported once)");
+    return instance_log(instance, fmi2Warning, &message);
+}
+
+/** whether a parameter is among vr[0..count) */
+static int instance_has_parameters(const fmi2ValueReference vr[], size_t count)
+{
+    for (size_t k = 0; PARAMETER_COUNT > 0 && k < count; ++k) {
+        if (variable_causality[vr[k]] == CAUSALITY_PARAMETER) {
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/** after parameters were set: a running model takes them, or all values are those before again and an error is logged;
+    what the model remarks is logged once */
+static COLD fmi2Status instance_parameters_set(Instance *instance, const double before[VARIABLE_COUNT],
+                                               fmi2Status status)
+{
+    Message message;
+    const char *remark = model_remark(instance->slave.values);
+    message_clear(&message);
+    if ((instance->slave.mode & MODE_RUNNING) != 0 && slave_retune(&instance->slave, &message) != 0) {
+        for (unsigned k = 0; k < VARIABLE_COUNT; ++k) {
+            instance->slave.values[k] = before[k];
+        }
+        return instance_error(instance, &message, ": the values are those before");
+    }
+    if (remark == NULL || instance->warned_of_parameters) {
+        return status;
+    }
+    instance->warned_of_parameters = 1;
+    message_append(&message, remark);
     return instance_log(instance, fmi2Warning, &message);
 }

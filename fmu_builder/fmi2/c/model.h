@@ -16,8 +16,15 @@
 #ifndef MODEL_H
 #define MODEL_H
 
-/** take the parameters from values[]; called before model_initialise */
+/** take the parameters from values[], each inside its limits; called before model_initialise */
 static int model_set_parameters(Model *model, const double *values, Message *message);
+
+/** take changed tunable parameters from values[] while the model runs: what moves goes on from where it is. When it
+    refuses, the model computes as before; the slave puts the old values back */
+static int model_retune(Model *model, const double *values, Message *message);
+
+/** NULL, or what is to be said once when somebody has given parameters these values[] */
+static const char *model_remark(const double *values);
 
 /** the tick T_s, s: positive and constant after model_set_parameters */
 static double model_sample_time(const Model *model);

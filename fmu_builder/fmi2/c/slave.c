@@ -57,12 +57,20 @@ static int is_finite(double value)
     return value - value == 0.0;
 }
 
+/** memory[0..size) = 0; a constant of this size would lie in the binary */
+static void clear_bytes(void *memory, size_t size)
+{
+    unsigned char *bytes = (unsigned char *)memory;
+    for (size_t k = 0; k < size; ++k) {
+        bytes[k] = 0;
+    }
+}
+
 /** as after instantiation: start values, time 0 */
 static void slave_reset(Slave *slave)
 {
-    static const Slave empty;
     const int64_t purpose = slave->purpose;
-    *slave = empty;
+    clear_bytes(slave, sizeof *slave);
     slave->purpose = purpose;
     slave->mode = MODE_INSTANTIATED;
     slave->stop_time = LARGEST_NUMBER;
@@ -80,14 +88,20 @@ static void slave_values_changed(Slave *slave)
     }
 }
 
+/** let the running model take its changed tunable parameters; when it refuses, values[] are to be put back */
+static int slave_retune(Slave *slave, Message *message)
+{
+    slave->outputs_ready = 0;
+    return model_retune(&slave->model, slave->values, message);
+}
+
 /** bring the model into the steady state of the start values, if it is not */
 static int slave_prepare_model(Slave *slave, Message *message)
 {
-    static const Model empty;
     if (slave->model_ready) {
         return 0;
     }
-    slave->model = empty;
+    clear_bytes(&slave->model, sizeof slave->model);
     if (model_set_parameters(&slave->model, slave->values, message) != 0) {
         return 1;
     }

@@ -89,8 +89,15 @@ static inline void chain_continuous(const double *c, double matrix[CHAIN_STATES]
     matrix[5][7] = c[CHAIN_B_M] / m_M;
 }
 
+/* Kept in one place: unrolled, a product is two kilobytes. */
+#if defined(__GNUC__)
+#define CHAIN_ALONE __attribute__((noinline))
+#else
+#define CHAIN_ALONE
+#endif
+
 /* result = left right for matrices whose last two rows are zero and are not stored */
-static inline void chain_product(
+static CHAIN_ALONE void chain_product(
     double left[CHAIN_STATES][CHAIN_SIZE], double right[CHAIN_STATES][CHAIN_SIZE], double result[CHAIN_STATES][CHAIN_SIZE]) {
     int i, j, k;
     for (i = 0; i < CHAIN_STATES; ++i) {

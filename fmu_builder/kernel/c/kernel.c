@@ -5,32 +5,32 @@
 
 /* Numbers in the state array: the parts of KernelView one after the other. */
 static inline int kernel_state_size(const Tables *t) {
-    int local_states = t->blending == BLENDING_OUTPUT ? t->local_models * t->states : t->states;
-    int wide = t->states > t->outputs ? t->states : t->outputs;
-    return local_states + t->local_models + t->outputs + t->inputs * t->outputs + t->states + 4 /* carried */
-           + 2 + 2 * t->inputs + 3 * t->states + wide + t->states * t->states; /* scratch */
+    int local_states = FIXED(t, blending) == BLENDING_OUTPUT ? FIXED(t, local_models) * FIXED(t, states) : FIXED(t, states);
+    int wide = FIXED(t, states) > FIXED(t, outputs) ? FIXED(t, states) : FIXED(t, outputs);
+    return local_states + FIXED(t, local_models) + FIXED(t, outputs) + FIXED(t, inputs) * FIXED(t, outputs) + FIXED(t, states) + 4 /* carried */
+           + 2 + 2 * FIXED(t, inputs) + 3 * FIXED(t, states) + wide + FIXED(t, states) * FIXED(t, states); /* scratch */
 }
 
 static inline KernelView kernel_view(const Tables *t, double *state) {
     KernelView v;
-    int local_states = t->blending == BLENDING_OUTPUT ? t->local_models * t->states : t->states;
+    int local_states = FIXED(t, blending) == BLENDING_OUTPUT ? FIXED(t, local_models) * FIXED(t, states) : FIXED(t, states);
     v.x = state;
     v.weights = v.x + local_states;
-    v.held = v.weights + t->local_models;
-    v.feedthrough = v.held + t->outputs;
-    v.g_held = v.feedthrough + t->inputs * t->outputs;
-    v.scheduling_held = v.g_held + t->states;
+    v.held = v.weights + FIXED(t, local_models);
+    v.feedthrough = v.held + FIXED(t, outputs);
+    v.g_held = v.feedthrough + FIXED(t, inputs) * FIXED(t, outputs);
+    v.scheduling_held = v.g_held + FIXED(t, states);
     v.low_pass = v.scheduling_held + 1;
     v.deviation_held = v.low_pass + 1;
     v.in_range = v.deviation_held + 1;
     v.pair = v.in_range + 1;
     v.deviation = v.pair + 2;
-    v.x0 = v.deviation + t->inputs;
-    v.u0 = v.x0 + t->states;
-    v.shift = v.u0 + t->inputs;
-    v.product = v.shift + t->states;
-    v.next = v.product + (t->states > t->outputs ? t->states : t->outputs);
-    v.matrix = v.next + t->states;
+    v.x0 = v.deviation + FIXED(t, inputs);
+    v.u0 = v.x0 + FIXED(t, states);
+    v.shift = v.u0 + FIXED(t, inputs);
+    v.product = v.shift + FIXED(t, states);
+    v.next = v.product + (FIXED(t, states) > FIXED(t, outputs) ? FIXED(t, states) : FIXED(t, outputs));
+    v.matrix = v.next + FIXED(t, states);
     return v;
 }
 
@@ -72,38 +72,38 @@ static inline void kernel_between(
 
 /* phi_i = exp(l_i - max l) / sum exp(l_k - max l), l_i = (curvature_i d + slope_i) d + constant_i; 0 where too small */
 static inline void kernel_gaussian_weights(const Tables *t, double r, double *restrict weights) {
-    double d = r - t->range_middle;
+    double d = r - FIXED(t, range_middle);
     double highest, sum = 0.0, inverse;
     int i;
-    for (i = 0; i < t->local_models; ++i) {
+    for (i = 0; i < FIXED(t, local_models); ++i) {
         const double *l = t->log_weights + 3 * i;
         weights[i] = (l[2] * d + l[1]) * d + l[0];
     }
     highest = weights[0];
-    for (i = 1; i < t->local_models; ++i) highest = weights[i] > highest ? weights[i] : highest;
-    for (i = 0; i < t->local_models; ++i) {
+    for (i = 1; i < FIXED(t, local_models); ++i) highest = weights[i] > highest ? weights[i] : highest;
+    for (i = 0; i < FIXED(t, local_models); ++i) {
         int nothing = weights[i] - highest < KERNEL_LOG_SMALLEST;
         weights[i] = nothing ? 0.0 : elementary_exp(weights[i] - highest);
     }
-    for (i = 0; i < t->local_models; ++i) sum += weights[i];
+    for (i = 0; i < FIXED(t, local_models); ++i) sum += weights[i];
     inverse = 1.0 / sum;
-    for (i = 0; i < t->local_models; ++i) weights[i] *= inverse;
+    for (i = 0; i < FIXED(t, local_models); ++i) weights[i] *= inverse;
 }
 
 /* Weights phi(r) into the state; returns the active models of a parameter blend. */
 static inline KernelBlend kernel_schedule(const Tables *t, const KernelView *v, double scheduling) {
-    double r = kernel_clip(scheduling, t->range_low, t->range_high);
+    double r = kernel_clip(scheduling, FIXED(t, range_low), FIXED(t, range_high));
     KernelBlend blend;
     blend.first = 0;
-    blend.count = t->local_models;
+    blend.count = FIXED(t, local_models);
     blend.weights = v->weights;
-    if (t->nodes == 0) {
+    if (FIXED(t, nodes) == 0) {
         kernel_gaussian_weights(t, r, v->weights);
     } else {
-        int cell = kernel_cell(t->node_positions, t->nodes, t->node_scale, r);
+        int cell = kernel_cell(t->node_positions, FIXED(t, nodes), FIXED(t, node_scale), r);
         double fraction = kernel_fraction(t->node_positions, cell, r);
-        kernel_between(t->node_weights, t->local_models, cell, fraction, v->weights);
-        if (t->blending == BLENDING_PARAMETER) {
+        kernel_between(t->node_weights, FIXED(t, local_models), cell, fraction, v->weights);
+        if (FIXED(t, blending) == BLENDING_PARAMETER) {
             v->pair[0] = 1.0 - fraction;
             v->pair[1] = fraction;
             blend.first = cell;
@@ -136,13 +136,13 @@ static inline void kernel_multiply(
 /* result = A_k x + B_k u; the scheduling column of B is left out where the equilibrium is scheduled */
 static inline void kernel_transition(
     const Tables *t, int model, const double *x, const double *u, double *restrict result) {
-    const double *B = t->B + model * t->inputs * t->states;
+    const double *B = t->B + model * FIXED(t, inputs) * FIXED(t, states);
     int column, row;
-    for (row = 0; row < t->states; ++row) result[row] = 0.0;
-    kernel_multiply(t->A + model * t->states * t->states, t->states, t->states, x, result);
-    for (column = 0; column < t->inputs; ++column) {
-        if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM && column == t->scheduling) continue;
-        kernel_multiply(B + column * t->states, t->states, 1, u + column, result);
+    for (row = 0; row < FIXED(t, states); ++row) result[row] = 0.0;
+    kernel_multiply(t->A + model * FIXED(t, states) * FIXED(t, states), FIXED(t, states), FIXED(t, states), x, result);
+    for (column = 0; column < FIXED(t, inputs); ++column) {
+        if (FIXED(t, offsets) == OFFSETS_SCHEDULED_EQUILIBRIUM && column == FIXED(t, scheduling)) continue;
+        kernel_multiply(B + column * FIXED(t, states), FIXED(t, states), 1, u + column, result);
     }
 }
 
@@ -150,102 +150,102 @@ static inline void kernel_transition(
 static inline void kernel_deviation(
     const Tables *t, const KernelView *v, const double *inputs, const double *reference) {
     int j;
-    for (j = 0; j < t->inputs; ++j) v->deviation[j] = inputs[j] - reference[j];
-    if (t->offsets == OFFSETS_LOW_PASS) v->deviation[t->scheduling] = inputs[t->scheduling] - v->low_pass[0];
+    for (j = 0; j < FIXED(t, inputs); ++j) v->deviation[j] = inputs[j] - reference[j];
+    if (FIXED(t, offsets) == OFFSETS_LOW_PASS) v->deviation[FIXED(t, scheduling)] = inputs[FIXED(t, scheduling)] - v->low_pass[0];
 }
 
 /* x - x0 into shift */
 static inline const double *kernel_shifted(const Tables *t, const KernelView *v, const double *x, const double *x0) {
     int i;
-    for (i = 0; i < t->states; ++i) v->shift[i] = x[i] - x0[i];
+    for (i = 0; i < FIXED(t, states); ++i) v->shift[i] = x[i] - x0[i];
     return v->shift;
 }
 
 /* One tick without rebase: x <- A x + B u, per local model or for the blend. */
 static inline void kernel_advance(const Tables *t, const KernelView *v, const KernelBlend *blend, const double *inputs) {
-    int affine = t->offsets == OFFSETS_AFFINE;
+    int affine = FIXED(t, offsets) == OFFSETS_AFFINE;
     const double *source = v->x;
     int i, k;
     if (!affine) kernel_deviation(t, v, inputs, t->input_operating_point);
-    if (t->blending == BLENDING_OUTPUT) {
-        for (k = 0; k < t->local_models; ++k) {
-            double *x = v->x + k * t->states;
+    if (FIXED(t, blending) == BLENDING_OUTPUT) {
+        for (k = 0; k < FIXED(t, local_models); ++k) {
+            double *x = v->x + k * FIXED(t, states);
             source = x;
             if (affine) {
-                kernel_deviation(t, v, inputs, t->u0 + k * t->inputs);
-                source = kernel_shifted(t, v, x, t->x0 + k * t->states);
+                kernel_deviation(t, v, inputs, t->u0 + k * FIXED(t, inputs));
+                source = kernel_shifted(t, v, x, t->x0 + k * FIXED(t, states));
             }
             kernel_transition(t, k, source, v->deviation, v->next);
-            for (i = 0; i < t->states; ++i) x[i] = kernel_significant(v->next[i]);
+            for (i = 0; i < FIXED(t, states); ++i) x[i] = kernel_significant(v->next[i]);
         }
         return;
     }
     if (affine) {
-        kernel_blended(blend, t->u0, t->inputs, v->u0);
-        kernel_blended(blend, t->x0, t->states, v->x0);
+        kernel_blended(blend, t->u0, FIXED(t, inputs), v->u0);
+        kernel_blended(blend, t->x0, FIXED(t, states), v->x0);
         kernel_deviation(t, v, inputs, v->u0);
         source = kernel_shifted(t, v, v->x, v->x0);
     }
-    for (i = 0; i < t->states; ++i) v->next[i] = 0.0;
+    for (i = 0; i < FIXED(t, states); ++i) v->next[i] = 0.0;
     for (k = 0; k < blend->count; ++k) {
         kernel_transition(t, blend->first + k, source, v->deviation, v->product);
-        for (i = 0; i < t->states; ++i) v->next[i] += blend->weights[k] * v->product[i];
+        for (i = 0; i < FIXED(t, states); ++i) v->next[i] += blend->weights[k] * v->product[i];
     }
-    for (i = 0; i < t->states; ++i) v->x[i] = kernel_significant(v->next[i]);
+    for (i = 0; i < FIXED(t, states); ++i) v->x[i] = kernel_significant(v->next[i]);
 }
 
 /* held = y_op, or y_e(position) where there is a static map, or zero for affine offsets (y0 follows) */
 static inline void kernel_rest(const Tables *t, const KernelView *v) {
-    double position = t->offsets == OFFSETS_LOW_PASS ? v->low_pass[0] : v->scheduling_held[0];
+    double position = FIXED(t, offsets) == OFFSETS_LOW_PASS ? v->low_pass[0] : v->scheduling_held[0];
     int i;
-    if (t->map_points > 0) {
-        int cell = kernel_cell(t->map_positions, t->map_points, t->map_scale, position);
+    if (FIXED(t, map_points) > 0) {
+        int cell = kernel_cell(t->map_positions, FIXED(t, map_points), FIXED(t, map_scale), position);
         double fraction = kernel_fraction(t->map_positions, cell, position);
-        kernel_between(t->map_values, t->outputs, cell, fraction, v->held);
+        kernel_between(t->map_values, FIXED(t, outputs), cell, fraction, v->held);
     } else {
-        for (i = 0; i < t->outputs; ++i) {
-            v->held[i] = t->offsets == OFFSETS_AFFINE ? 0.0 : t->output_operating_point[i];
+        for (i = 0; i < FIXED(t, outputs); ++i) {
+            v->held[i] = FIXED(t, offsets) == OFFSETS_AFFINE ? 0.0 : t->output_operating_point[i];
         }
     }
 }
 
 /* s, or s + kappa (C x)_j with the deviation of the last tick */
 static inline double kernel_scheduling(const Tables *t, const KernelView *v, double s) {
-    return t->deviation_gain != 0.0 ? s + t->deviation_gain * v->deviation_held[0] : s;
+    return FIXED(t, deviation_gain) != 0.0 ? s + FIXED(t, deviation_gain) * v->deviation_held[0] : s;
 }
 
 /* held += weight (C x [+ y0 + D (u_op - u0)]) of one model, the brackets for affine offsets: then u_ref is u_op */
 static inline void kernel_hold_model(
     const Tables *t, const KernelView *v, int model, double weight, const double *x, const double *u0) {
     int i;
-    for (i = 0; i < t->outputs; ++i) v->product[i] = 0.0;
-    kernel_multiply(t->C + model * t->states * t->outputs, t->outputs, t->states, x, v->product);
-    if (t->deviation_gain != 0.0) v->deviation_held[0] += weight * v->product[t->deviation_output];
-    if (t->offsets == OFFSETS_AFFINE) {
-        const double *y0 = t->y0 + model * t->outputs;
-        for (i = 0; i < t->outputs; ++i) v->product[i] += y0[i];
-        if (t->feedthrough) {
-            const double *D = t->D + model * t->inputs * t->outputs;
+    for (i = 0; i < FIXED(t, outputs); ++i) v->product[i] = 0.0;
+    kernel_multiply(t->C + model * FIXED(t, states) * FIXED(t, outputs), FIXED(t, outputs), FIXED(t, states), x, v->product);
+    if (FIXED(t, deviation_gain) != 0.0) v->deviation_held[0] += weight * v->product[FIXED(t, deviation_output)];
+    if (FIXED(t, offsets) == OFFSETS_AFFINE) {
+        const double *y0 = t->y0 + model * FIXED(t, outputs);
+        for (i = 0; i < FIXED(t, outputs); ++i) v->product[i] += y0[i];
+        if (FIXED(t, feedthrough)) {
+            const double *D = t->D + model * FIXED(t, inputs) * FIXED(t, outputs);
             kernel_deviation(t, v, t->input_operating_point, u0);
-            kernel_multiply(D, t->outputs, t->inputs, v->deviation, v->product);
+            kernel_multiply(D, FIXED(t, outputs), FIXED(t, inputs), v->deviation, v->product);
         }
     }
-    for (i = 0; i < t->outputs; ++i) v->held[i] += weight * v->product[i];
+    for (i = 0; i < FIXED(t, outputs); ++i) v->held[i] += weight * v->product[i];
 }
 
 /* Outputs of the present x into held, blended D into feedthrough. */
 static inline void kernel_hold(const Tables *t, const KernelView *v, const KernelBlend *blend) {
-    int affine = t->offsets == OFFSETS_AFFINE;
+    int affine = FIXED(t, offsets) == OFFSETS_AFFINE;
     const double *source = v->x;
     int k;
     kernel_rest(t, v);
     v->deviation_held[0] = 0.0;
-    if (t->feedthrough) kernel_blended(blend, t->D, t->inputs * t->outputs, v->feedthrough);
-    if (t->blending == BLENDING_OUTPUT) {
-        for (k = 0; k < t->local_models; ++k) {
-            source = v->x + k * t->states;
-            if (affine) source = kernel_shifted(t, v, source, t->x0 + k * t->states);
-            kernel_hold_model(t, v, k, v->weights[k], source, affine ? t->u0 + k * t->inputs : v->u0);
+    if (FIXED(t, feedthrough)) kernel_blended(blend, t->D, FIXED(t, inputs) * FIXED(t, outputs), v->feedthrough);
+    if (FIXED(t, blending) == BLENDING_OUTPUT) {
+        for (k = 0; k < FIXED(t, local_models); ++k) {
+            source = v->x + k * FIXED(t, states);
+            if (affine) source = kernel_shifted(t, v, source, t->x0 + k * FIXED(t, states));
+            kernel_hold_model(t, v, k, v->weights[k], source, affine ? t->u0 + k * FIXED(t, inputs) : v->u0);
         }
     } else {
         if (affine) source = kernel_shifted(t, v, v->x, v->x0);
@@ -258,12 +258,12 @@ static inline void kernel_hold(const Tables *t, const KernelView *v, const Kerne
 /* x <- x - 1/2 (g(r_n) + g(r_n-1)) (s_n - s_n-1); with output blending every local model has its one g */
 static inline void kernel_rebase(const Tables *t, const KernelView *v, const KernelBlend *blend, double change) {
     int i;
-    if (t->blending == BLENDING_OUTPUT) {
-        for (i = 0; i < t->local_models * t->states; ++i) v->x[i] -= t->g[i] * change;
+    if (FIXED(t, blending) == BLENDING_OUTPUT) {
+        for (i = 0; i < FIXED(t, local_models) * FIXED(t, states); ++i) v->x[i] -= t->g[i] * change;
         return;
     }
-    kernel_blended(blend, t->g, t->states, v->next);
-    for (i = 0; i < t->states; ++i) {
+    kernel_blended(blend, t->g, FIXED(t, states), v->next);
+    for (i = 0; i < FIXED(t, states); ++i) {
         v->x[i] -= (0.5 * (v->next[i] + v->g_held[i])) * change;
         v->g_held[i] = v->next[i];
     }
@@ -271,10 +271,10 @@ static inline void kernel_rebase(const Tables *t, const KernelView *v, const Ker
 
 /* 1.0 when every input lies in [minimum, maximum] of training and the scheduling input in the range */
 static inline double kernel_in_range(const Tables *t, const double *inputs) {
-    double s = inputs[t->scheduling];
-    int inside = s >= t->range_low && s <= t->range_high;
+    double s = inputs[FIXED(t, scheduling)];
+    int inside = s >= FIXED(t, range_low) && s <= FIXED(t, range_high);
     int j;
-    for (j = 0; j < t->inputs; ++j) {
+    for (j = 0; j < FIXED(t, inputs); ++j) {
         inside = inside && inputs[j] >= t->input_minimum[j] && inputs[j] <= t->input_maximum[j];
     }
     return inside ? 1.0 : 0.0;
@@ -283,23 +283,23 @@ static inline double kernel_in_range(const Tables *t, const double *inputs) {
 /* t_n -> t_n+1 with the inputs in force at t_n. */
 static inline void kernel_tick(const Tables *t, double *state, const double *inputs) {
     KernelView v = kernel_view(t, state);
-    double s = inputs[t->scheduling];
+    double s = inputs[FIXED(t, scheduling)];
     double change = s - v.scheduling_held[0];
     KernelBlend blend;
-    if (t->offsets == OFFSETS_LOW_PASS) {
-        v.low_pass[0] = kernel_significant(v.low_pass[0] + t->low_pass_gain * (s - v.low_pass[0]));
+    if (FIXED(t, offsets) == OFFSETS_LOW_PASS) {
+        v.low_pass[0] = kernel_significant(v.low_pass[0] + FIXED(t, low_pass_gain) * (s - v.low_pass[0]));
     }
-    blend = kernel_schedule(t, &v, t->offsets == OFFSETS_LOW_PASS ? v.low_pass[0] : kernel_scheduling(t, &v, s));
+    blend = kernel_schedule(t, &v, FIXED(t, offsets) == OFFSETS_LOW_PASS ? v.low_pass[0] : kernel_scheduling(t, &v, s));
     v.scheduling_held[0] = s;
     v.in_range[0] = kernel_in_range(t, inputs);
-    if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_rebase(t, &v, &blend, change);
+    if (FIXED(t, offsets) == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_rebase(t, &v, &blend, change);
     kernel_advance(t, &v, &blend, inputs);
     kernel_hold(t, &v, &blend);
 }
 
 /* x <- (I - A)^-1 x where x holds what one tick makes of x = 0; A of a local model or of the blend. */
 static inline int kernel_settle(const Tables *t, const KernelView *v, const KernelBlend *blend, double *x) {
-    int n = t->states;
+    int n = FIXED(t, states);
     int i;
     kernel_blended(blend, t->A, n * n, v->matrix);
     for (i = 0; i < n * n; ++i) v->matrix[i] = (i % (n + 1) == 0 ? 1.0 : 0.0) - v->matrix[i];
@@ -308,24 +308,24 @@ static inline int kernel_settle(const Tables *t, const KernelView *v, const Kern
 
 /* x of the steady state for the inputs with the schedule as it stands, outputs included; 1 = there is none. */
 static inline int kernel_settled(const Tables *t, const KernelView *v, double *state, const double *inputs) {
-    int local_states = t->blending == BLENDING_OUTPUT ? t->local_models * t->states : t->states;
-    KernelBlend blend = kernel_schedule(t, v, kernel_scheduling(t, v, inputs[t->scheduling]));
+    int local_states = FIXED(t, blending) == BLENDING_OUTPUT ? FIXED(t, local_models) * FIXED(t, states) : FIXED(t, states);
+    KernelBlend blend = kernel_schedule(t, v, kernel_scheduling(t, v, inputs[FIXED(t, scheduling)]));
     int failed = 0;
     int i, k;
     for (i = 0; i < local_states; ++i) state[i] = 0.0;
     kernel_advance(t, v, &blend, inputs);
-    if (t->blending == BLENDING_OUTPUT) {
-        for (k = 0; k < t->local_models && !failed; ++k) {
+    if (FIXED(t, blending) == BLENDING_OUTPUT) {
+        for (k = 0; k < FIXED(t, local_models) && !failed; ++k) {
             const double one = 1.0;
             KernelBlend alone;
             alone.first = k;
             alone.count = 1;
             alone.weights = &one;
-            failed = kernel_settle(t, v, &alone, v->x + k * t->states);
+            failed = kernel_settle(t, v, &alone, v->x + k * FIXED(t, states));
         }
     } else {
         failed = kernel_settle(t, v, &blend, v->x);
-        if (t->offsets == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_blended(&blend, t->g, t->states, v->g_held);
+        if (FIXED(t, offsets) == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_blended(&blend, t->g, FIXED(t, states), v->g_held);
     }
     kernel_hold(t, v, &blend);
     return failed;
@@ -338,11 +338,11 @@ static inline int kernel_start(const Tables *t, double *state, const double *inp
     int failed, pass;
     int i;
     for (i = 0; i < kernel_state_size(t); ++i) state[i] = 0.0;
-    v.low_pass[0] = inputs[t->scheduling];
-    v.scheduling_held[0] = inputs[t->scheduling];
+    v.low_pass[0] = inputs[FIXED(t, scheduling)];
+    v.scheduling_held[0] = inputs[FIXED(t, scheduling)];
     v.in_range[0] = kernel_in_range(t, inputs);
     failed = kernel_settled(t, &v, state, inputs);
-    if (t->deviation_gain == 0.0) return failed;
+    if (FIXED(t, deviation_gain) == 0.0) return failed;
     for (pass = 1; pass < KERNEL_START_PASSES && !failed; ++pass) {
         before = v.deviation_held[0];
         failed = kernel_settled(t, &v, state, inputs);
@@ -355,20 +355,20 @@ static inline int kernel_start(const Tables *t, double *state, const double *inp
 static inline void kernel_outputs(const Tables *t, const double *state, const double *inputs, double *restrict values) {
     KernelView v = kernel_view(t, (double *)state);
     int i, j, term = 0;
-    for (i = 0; i < t->outputs; ++i) values[i] = v.held[i];
-    for (j = 0; j < t->inputs && t->feedthrough; ++j) {
-        int filtered = t->offsets == OFFSETS_LOW_PASS && j == t->scheduling;
+    for (i = 0; i < FIXED(t, outputs); ++i) values[i] = v.held[i];
+    for (j = 0; j < FIXED(t, inputs) && FIXED(t, feedthrough); ++j) {
+        int filtered = FIXED(t, offsets) == OFFSETS_LOW_PASS && j == FIXED(t, scheduling);
         double deviation = inputs[j] - (filtered ? v.low_pass[0] : t->input_operating_point[j]);
-        kernel_multiply(v.feedthrough + j * t->outputs, t->outputs, 1, &deviation, values);
+        kernel_multiply(v.feedthrough + j * FIXED(t, outputs), FIXED(t, outputs), 1, &deviation, values);
     }
-    for (i = 0; i < t->derived; ++i) {
+    for (i = 0; i < FIXED(t, derived); ++i) {
         double sum = 0.0;
         for (; term < t->term_ends[i]; ++term) {
             int signal = t->term_signals[term];
-            double value = signal < t->outputs ? values[signal] : inputs[signal - t->outputs];
+            double value = signal < FIXED(t, outputs) ? values[signal] : inputs[signal - FIXED(t, outputs)];
             sum += t->term_coefficients[term] * value;
         }
-        values[t->outputs + i] = sum;
+        values[FIXED(t, outputs) + i] = sum;
     }
 }
 
@@ -377,12 +377,12 @@ static inline double kernel_feedthrough(const Tables *t, const double *state, in
     KernelView v = kernel_view(t, (double *)state);
     double sum = 0.0;
     int term;
-    if (i < t->outputs) return v.feedthrough[j * t->outputs + i];
-    term = i == t->outputs ? 0 : t->term_ends[i - t->outputs - 1];
-    for (; term < t->term_ends[i - t->outputs]; ++term) {
+    if (i < FIXED(t, outputs)) return v.feedthrough[j * FIXED(t, outputs) + i];
+    term = i == FIXED(t, outputs) ? 0 : t->term_ends[i - FIXED(t, outputs) - 1];
+    for (; term < t->term_ends[i - FIXED(t, outputs)]; ++term) {
         int signal = t->term_signals[term];
-        double partial = signal < t->outputs ? v.feedthrough[j * t->outputs + signal] : 0.0;
-        if (signal == t->outputs + j) partial = 1.0;
+        double partial = signal < FIXED(t, outputs) ? v.feedthrough[j * FIXED(t, outputs) + signal] : 0.0;
+        if (signal == FIXED(t, outputs) + j) partial = 1.0;
         sum += t->term_coefficients[term] * partial;
     }
     return sum;

@@ -46,6 +46,12 @@ enum { BLENDING_OUTPUT = 0, BLENDING_PARAMETER = 1 };
 enum { KERNEL_START_PASSES = 100 };
 enum { OFFSETS_NONE = 0, OFFSETS_AFFINE = 1, OFFSETS_LOW_PASS = 2, OFFSETS_SCHEDULED_EQUILIBRIUM = 3 };
 
+/* What all tables of a network have in common. Where they are made anew in an FMU it is taken from the tables it was built
+   with, so that the compiler knows the sizes (surrogate.c). */
+#ifndef FIXED
+#define FIXED(tables, field) ((tables)->field)
+#endif
+
 #define KERNEL_SMALLEST 1e-100       /* far below the last digit of any signal, far above the smallest normal number */
 #define KERNEL_LOG_SMALLEST (-230.0) /* exp of it is about KERNEL_SMALLEST */
 

@@ -5,6 +5,7 @@
 #include "steady_tangent.c"
 #include "tables.h"
 #include "variables.h"
+#include "llmn_fixed.c"
 #include "llmn_model.c"
 #include "slave.c"
 #include "functions.c"

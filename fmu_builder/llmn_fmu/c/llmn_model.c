@@ -1,24 +1,12 @@
 /* The kernel as a model of the slave (model.h). Variables stand in this order: inputs, outputs, derived outputs,
-   validity_1..M, in_range. The sizes are constants here, so that the compiler unrolls what the tables need. */
+   validity_1..M, in_range, parameters. The sizes are constants here, so that the compiler unrolls what the tables need.
+   Model, its parameters and where its tables are: llmn_fixed.c or llmn_theta.c. */
 
 enum {
     LLMN_FIRST_OUTPUT = TABLES_INPUTS,
     LLMN_FIRST_VALIDITY = LLMN_FIRST_OUTPUT + TABLES_OUTPUTS + TABLES_DERIVED,
     LLMN_IN_RANGE = LLMN_FIRST_VALIDITY + TABLES_LOCAL_MODELS
 };
-
-typedef struct {
-    double state[TABLES_STATE_SIZE];
-} Model;
-
-/** a network has no parameters */
-static int model_set_parameters(Model *model, const double *values, Message *message)
-{
-    (void)model;
-    (void)values;
-    (void)message;
-    return 0;
-}
 
 static double model_sample_time(const Model *model)
 {
@@ -29,7 +17,7 @@ static double model_sample_time(const Model *model)
 /** whether the outputs are numbers; they are not when the inputs are of astronomic size */
 static int model_check(const Model *model, Message *message)
 {
-    const KernelView view = kernel_view(&tables, (double *)model->state);
+    const KernelView view = kernel_view(&tables, (double *)model->state); /* sizes only: all tables have the same */
     for (int i = 0; i < TABLES_OUTPUTS; ++i) {
         if (!(view.held[i] - view.held[i] == 0.0)) {
             message_append(message, "the outputs leave the range of numbers; are the inputs right?");
@@ -42,7 +30,8 @@ static int model_check(const Model *model, Message *message)
 /** steady state of the inputs */
 static int model_initialise(Model *model, const double *inputs, Message *message)
 {
-    if (kernel_start(&tables, model->state, inputs) != 0) {
+    Tables own;
+    if (kernel_start(model_network(model, &own), model->state, inputs) != 0) {
         message_append(message, "the model has no steady state for the start inputs: an eigenvalue of A is 1");
         return 1;
     }
@@ -51,14 +40,16 @@ static int model_initialise(Model *model, const double *inputs, Message *message
 
 static int model_tick(Model *model, const double *inputs, Message *message)
 {
-    kernel_tick(&tables, model->state, inputs);
+    Tables own;
+    kernel_tick(model_network(model, &own), model->state, inputs);
     return model_check(model, message);
 }
 
 static void model_outputs(const Model *model, double *values)
 {
     const KernelView view = kernel_view(&tables, (double *)model->state);
-    kernel_outputs(&tables, model->state, values, values + LLMN_FIRST_OUTPUT);
+    Tables own;
+    kernel_outputs(model_network(model, &own), model->state, values, values + LLMN_FIRST_OUTPUT);
     for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
         values[LLMN_FIRST_VALIDITY + i] = view.weights[i];
     }
@@ -84,10 +75,12 @@ static int model_check_states(const Model *model, const double *inputs, Message 
 static void model_directional_derivative(const Model *model, const double *values, const double *direction,
                                          double *change)
 {
+    Tables own;
+    const Tables *network = model_network(model, &own);
     (void)values;
     for (int i = 0; i < LLMN_FIRST_VALIDITY - LLMN_FIRST_OUTPUT; ++i) {
         for (int j = 0; j < TABLES_INPUTS; ++j) {
-            change[LLMN_FIRST_OUTPUT + i] += kernel_feedthrough(&tables, model->state, i, j) * direction[j];
+            change[LLMN_FIRST_OUTPUT + i] += kernel_feedthrough(network, model->state, i, j) * direction[j];
         }
     }
 }
@@ -96,7 +89,16 @@ static int model_start_derivative(const Model *model, const double *values, cons
                                   Message *message)
 {
     double scratch[TABLES_STATE_SIZE], tangent[TABLES_STATE_SIZE];
-    if (kernel_start_tangent(&tables, model->state, values, direction, scratch, tangent, change + LLMN_FIRST_OUTPUT)) {
+    const int rigid = model_rigid_parameter(direction);
+    Tables own;
+    if (rigid != 0) {
+        message_append(message, "no derivative with respect to ");
+        message_append(message, variable_name[rigid]);
+        message_append(message, ": physical parameters are not differentiated");
+        return 1;
+    }
+    if (kernel_start_tangent(model_network(model, &own), model->state, values, direction, scratch, tangent,
+                             change + LLMN_FIRST_OUTPUT)) {
         message_append(message, "the steady state has no derivative: an eigenvalue of A is 1");
         return 1;
     }

@@ -11,6 +11,19 @@ static int model_set_parameters(Model *model, const double *values, Message *mes
     return wbm_prepare(model, &parameter_sets[preset], values[VARIABLE_inner_step], message);
 }
 
+/* nothing can be changed while it runs */
+static int model_retune(Model *model, const double *values, Message *message) {
+    (void)model;
+    (void)values;
+    (void)message;
+    return 0;
+}
+
+static const char *model_remark(const double *values) {
+    (void)values;
+    return 0;
+}
+
 static double model_sample_time(const Model *model) { return model->step; }
 
 static int model_initialise(Model *model, const double *inputs, Message *message) {

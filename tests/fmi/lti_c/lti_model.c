@@ -7,6 +7,7 @@ typedef struct {
     double state[2];
     double strength;
     double scale;
+    double shift;
 } Model;
 
 static const double lti_A[2][2] = {{-2.0, 30.0}, {-41.0, -3.0}};
@@ -17,7 +18,24 @@ static int model_set_parameters(Model *model, const double *values, Message *mes
     (void)message;
     model->strength = values[VARIABLE_preset] == 2.0 ? 3.0 : 1.0;
     model->scale = values[VARIABLE_scale];
+    model->shift = values[VARIABLE_shift];
     return 0;
+}
+
+/** the shift is tunable, but not above 0.75 */
+static int model_retune(Model *model, const double *values, Message *message)
+{
+    if (values[VARIABLE_shift] > 0.75) {
+        message_append(message, "too large a shift");
+        return 1;
+    }
+    model->shift = values[VARIABLE_shift];
+    return 0;
+}
+
+static const char *model_remark(const double *values)
+{
+    return values[VARIABLE_shift] != 0.0 ? "the model is shifted" : 0;
 }
 
 static double model_sample_time(const Model *model)
@@ -75,7 +93,7 @@ static void model_outputs(const Model *model, double *values)
     values[VARIABLE_x_2] = model->state[1];
     values[VARIABLE_der_x_1] = lti_derivative(model, values, 0);
     values[VARIABLE_der_x_2] = lti_derivative(model, values, 1);
-    values[VARIABLE_scaled] = model->scale * model->state[1];
+    values[VARIABLE_scaled] = model->scale * model->state[1] + model->shift;
     values[VARIABLE_mixed] = 4.0 * model->state[0] - 5.0 * model->state[1] + 0.5 * values[VARIABLE_load];
     values[VARIABLE_in_range] = values[VARIABLE_drive] >= -2.0 && values[VARIABLE_drive] <= 3.0 ? 1.0 : 0.0;
     values[VARIABLE_reciprocal] = 1.0 / values[VARIABLE_load];
@@ -129,7 +147,7 @@ static int model_start_derivative(const Model *model, const double *values, cons
     lti_settle(-lti_forcing(model, du, 0), -lti_forcing(model, du, 1), dx);
     change[VARIABLE_x_1] = dx[0];
     change[VARIABLE_x_2] = dx[1];
-    change[VARIABLE_scaled] = model->scale * dx[1] + direction[VARIABLE_scale] * model->state[1];
+    change[VARIABLE_scaled] = model->scale * dx[1] + direction[VARIABLE_scale] * model->state[1] + direction[VARIABLE_shift];
     change[VARIABLE_mixed] = 4.0 * dx[0] - 5.0 * dx[1] + 0.5 * du[1];
     change[VARIABLE_reciprocal] = -du[1] / (values[VARIABLE_load] * values[VARIABLE_load]);
     return 0;

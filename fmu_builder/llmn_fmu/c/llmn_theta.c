@@ -1,0 +1,158 @@
+/* A surrogate with physical parameters: k_E and then theta, local model by local model, behind in_range. As long as they
+   are those that were identified the tables are constants; others make tables of their own, which live in the model. */
+
+enum {
+    LLMN_FIRST_PARAMETER = TABLES_INPUTS + TABLES_OUTPUTS + TABLES_DERIVED + TABLES_LOCAL_MODELS + 1,
+    LLMN_PARAMETERS = 1 + THETA_PARAMETERS * TABLES_LOCAL_MODELS,
+    LLMN_TERM_SLOTS = THETA_TERMS > 0 ? THETA_TERMS : 1
+};
+
+typedef struct {
+    double state[TABLES_STATE_SIZE];
+    double parameters[LLMN_PARAMETERS]; /* what the model computes with */
+    double changed;                     /* 1.0: they are not those identified, and what follows takes the tables' place */
+    double A[TABLES_NODES * CHAIN_STATES * CHAIN_STATES];
+    double B[TABLES_NODES * CHAIN_INPUTS * CHAIN_STATES];
+    double g[TABLES_NODES * CHAIN_STATES];
+    double map_positions[TABLES_MAP_POINTS];
+    double term_coefficients[LLMN_TERM_SLOTS];
+} Model;
+
+/** the tables the model computes with; *own is room for them if they are not the constants */
+static inline const Tables *model_network(const Model *model, Tables *own)
+{
+    if (model->changed == 0.0) {
+        return &tables;
+    }
+    *own = tables;
+    own->A = model->A;
+    own->B = model->B;
+    own->g = model->g;
+    own->map_positions = model->map_positions;
+    own->term_coefficients = model->term_coefficients;
+    return own;
+}
+
+/** message + what is wrong at a node of the table */
+static COLD void theta_append_trouble(Message *message, int answer, int node)
+{
+    message_append(message, "with these physical parameters the model at the height ");
+    message_append_number(message, tables.node_positions[node]);
+    message_append(message, answer == CHAIN_UNSTABLE ? " m is unstable" : " m has no state of rest");
+}
+
+/** tables for model->parameters; 1 with a message: there are none, and those of the model are spoilt */
+static COLD int theta_rebuild(Model *model, Message *message)
+{
+    const double head[CHAIN_HEAD] = {theta_head[CHAIN_M_C], theta_head[CHAIN_K_C], theta_head[CHAIN_C_C],
+                                     model->parameters[0]};
+    int node = 0, answer = CHAIN_FINE, changed = 0;
+    for (int k = 0; k < LLMN_PARAMETERS; ++k) {
+        changed = changed || model->parameters[k] != variable_start[LLMN_FIRST_PARAMETER + k];
+    }
+    model->changed = changed ? 1.0 : 0.0;
+    if (!changed) {
+        return 0;
+    }
+    answer = chain_table(&theta_tables, head, model->parameters + 1, model->A, model->B, model->g, &node);
+    if (answer != CHAIN_FINE) {
+        theta_append_trouble(message, answer, node);
+        return 1;
+    }
+    chain_map_positions(tables.map_positions, tables.map_values, TABLES_OUTPUTS, TABLES_MAP_POINTS,
+                        theta_head[CHAIN_K_E] / model->parameters[0], model->map_positions);
+    for (int k = 0; k < THETA_TERMS; ++k) {
+        const double known = tables.term_coefficients[k];
+        const double size = theta_stiffness_terms[k] ? model->parameters[0] : known < 0.0 ? -known : known;
+        model->term_coefficients[k] = known < 0.0 ? -size : size;
+    }
+    return 0;
+}
+
+static int model_set_parameters(Model *model, const double *values, Message *message)
+{
+    for (int k = 0; k < LLMN_PARAMETERS; ++k) {
+        model->parameters[k] = values[LLMN_FIRST_PARAMETER + k];
+    }
+    return theta_rebuild(model, message);
+}
+
+/** after a change while the model runs: positions and velocities stay, so where rest has moved, what counts from it moves;
+    delta_M, which is not measured, moves as the others do */
+static COLD void theta_carry_over(Model *model, int rest_moved)
+{
+    double weights[TABLES_LOCAL_MODELS], held[TABLES_OUTPUTS], known = model->state[0];
+    Tables own;
+    const Tables *network = model_network(model, &own);
+    const KernelView view = kernel_view(network, model->state);
+    KernelBlend blend;
+    for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
+        weights[i] = view.weights[i];
+    }
+    blend = kernel_schedule(network, &view, kernel_scheduling(network, &view, view.scheduling_held[0]));
+    kernel_blended(&blend, network->g, TABLES_STATES, view.g_held);
+    for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
+        view.weights[i] = weights[i];
+    }
+    if (!rest_moved) {
+        return;
+    }
+    for (int i = 0; i < TABLES_OUTPUTS; ++i) {
+        held[i] = view.held[i];
+    }
+    kernel_rest(network, &view);
+    for (int i = 0; i < TABLES_OUTPUTS; ++i) {
+        view.x[i] = held[i] - view.held[i];
+        view.held[i] = held[i];
+    }
+    view.x[4] += (view.x[0] - known) * (view.g_held[4] / view.g_held[0]);
+    if (network->deviation_gain != 0.0) {
+        view.deviation_held[0] = view.x[network->deviation_output];
+    }
+}
+
+static int model_retune(Model *model, const double *values, Message *message)
+{
+    double before[LLMN_PARAMETERS];
+    Message nothing;
+    int changed = 0;
+    for (int k = 0; k < LLMN_PARAMETERS; ++k) {
+        before[k] = model->parameters[k];
+        model->parameters[k] = values[LLMN_FIRST_PARAMETER + k];
+        changed = changed || model->parameters[k] != before[k];
+    }
+    if (changed && theta_rebuild(model, message) != 0) {
+        for (int k = 0; k < LLMN_PARAMETERS; ++k) {
+            model->parameters[k] = before[k];
+        }
+        message_clear(&nothing);
+        (void)theta_rebuild(model, &nothing); /* these have been possible before */
+        return 1;
+    }
+    if (changed) {
+        theta_carry_over(model, model->parameters[0] != before[0]);
+    }
+    return 0;
+}
+
+static const char *model_remark(const double *values)
+{
+    for (int k = LLMN_FIRST_PARAMETER; k < LLMN_FIRST_PARAMETER + LLMN_PARAMETERS; ++k) {
+        if (values[k] != variable_start[k]) {
+            return "physical parameters differ from those identified: the scores, and any certificate of stability, of "
+                   "this model no longer apply (reported once)";
+        }
+    }
+    return 0;
+}
+
+/** the value reference of a parameter along which there is no derivative, 0 without one */
+static int model_rigid_parameter(const double *direction)
+{
+    for (int k = LLMN_FIRST_PARAMETER; k < LLMN_FIRST_PARAMETER + LLMN_PARAMETERS; ++k) {
+        if (direction[k] != 0.0) {
+            return k;
+        }
+    }
+    return 0;
+}

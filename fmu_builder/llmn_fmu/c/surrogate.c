@@ -1,0 +1,15 @@
+/* The FMU of a surrogate whose physical parameters can be changed; theta_tables.h is generated, too. */
+#define FIXED(any, field) ((void)(any), tables.field)
+#include "elementary.c"
+#include "message.c"
+#include "kernel.h"
+#include "tables.h"
+#include "kernel.c"
+#include "steady_tangent.c"
+#include "chain.c"
+#include "theta_tables.h"
+#include "variables.h"
+#include "llmn_theta.c"
+#include "llmn_model.c"
+#include "slave.c"
+#include "functions.c"

@@ -60,8 +60,10 @@ def _force(name: str, *terms: tuple[str, str, int]) -> DerivedOutput:
     return DerivedOutput(name=name, unit="N", terms=rows, parameters=named)
 
 
-def theta_network(structure: str = "chain8", nodes: int = 21, gain: float = 0.0) -> ParameterSet:
-    """A surrogate of four local models whose forces at rest rise with the height."""
+def theta_network(
+    structure: str = "chain8", nodes: int = 21, gain: float = 0.0, uneven: float = 0.0
+) -> ParameterSet:
+    """A surrogate of four local models whose forces at rest rise with the height, `uneven` N to and fro."""
     theta = theta_of(structure)
     positions = np.linspace(LOW, HIGH, nodes)
     positions[1:-1] += 0.003 * np.sin(7.0 * positions[1:-1])
@@ -69,7 +71,7 @@ def theta_network(structure: str = "chain8", nodes: int = 21, gain: float = 0.0)
     chain = Chain(structure, HEAD, theta, weights, 1e-3)
     local = Chain(structure, HEAD, theta, np.eye(len(CENTRES)), 1e-3)
     heights = np.linspace(LOW, HIGH, 11)
-    xi = heights + (66.0 + 3.0 * heights) / HEAD["k_E"]
+    xi = heights + (66.0 + 3.0 * heights + uneven * (-1.0) ** np.arange(11)) / HEAD["k_E"]
     rest = np.column_stack([xi, 0.0 * xi, xi + 0.01, 0.0 * xi])
     names = [one.name for one in CHAINS[structure]]
     rows = tuple(dict(zip(names, row.tolist(), strict=True)) for row in theta)

@@ -211,7 +211,9 @@ def _moved(parameter_set: ParameterSet, ratio: float) -> StaticMap | None:
     moved = np.empty_like(positions)
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in (positions, values))
     sizes = (ctypes.c_int(values.shape[1]), ctypes.c_int(len(positions)), ctypes.c_double(ratio))
-    library().llmn_chain_map_positions(*pointers, *sizes, ctypes.c_void_p(moved.ctypes.data))
+    if library().llmn_chain_map_positions(*pointers, *sizes, ctypes.c_void_p(moved.ctypes.data)):
+        what = "is so soft that the wire would have to fall for the frame to rise at rest"
+        raise ParameterSetError.of(CONTACT_STIFFNESS, what, "Give a stiffer spring")
     return known.model_copy(update={"positions": nested(moved)})
 
 

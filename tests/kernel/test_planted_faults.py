@@ -65,7 +65,10 @@ SOURCE_FAULTS = {
     "rebase with the new g only": ("0.5 * (v->next[i] + v->g_held[i])", "v->next[i]"),
     "no rebase": ("kernel_rebase(t, &v, &blend, change);", "(void)change;"),
     "one tick too many": ("if (row > 0) kernel_tick(", "if (row >= 0) kernel_tick("),
-    "scheduling input not clipped": ("kernel_clip(scheduling, t->range_low, t->range_high)", "scheduling"),
+    "scheduling input not clipped": (
+        "kernel_clip(scheduling, FIXED(t, range_low), FIXED(t, range_high))",
+        "scheduling",
+    ),
     "other order of summation": (
         "for (column = 0; column < columns; ++column)",
         "for (column = columns - 1; column >= 0; --column)",

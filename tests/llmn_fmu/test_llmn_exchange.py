@@ -100,6 +100,7 @@ def test_outputs_that_hold_between_ticks_are_discrete() -> None:
         **dict.fromkeys(("u_0", "u_1", "u_2", "force"), "continuous"),
         **dict.fromkeys(("y_0", "y_1", "y_2", "sum", "in_range"), "discrete"),
         **{f"validity_{number}": "discrete" for number in range(1, 5)},
+        **dict.fromkeys(("stiffness", "one", "two"), "constant"),
     }
     variables = {v.name: v.variability for v in interface(networks.network(43, feedthrough=True)).variables}
     assert {variables[name] for name in ("y_0", "y_2", "force", "sum")} == {"continuous"}

@@ -110,7 +110,15 @@ def test_variables_stand_in_order_with_start_limits_and_units(fmu: Path) -> None
     description = fmpy.read_model_description(str(fmu))
     names = [variable.name for variable in description.modelVariables]
     expected = ["u_0", "u_1", "u_2", "y_0", "y_1", "y_2", "force", "sum"]
-    assert names == [*expected, *(f"validity_{i}" for i in range(1, 5)), "in_range"]
+    constants = ["stiffness", "one", "two"]
+    assert names == [*expected, *(f"validity_{i}" for i in range(1, 5)), "in_range", *constants]
+    last = description.modelVariables[-1]
+    assert (last.causality, last.variability, last.initial, last.start) == (
+        "local",
+        "constant",
+        "exact",
+        "2.5",
+    )
     first = description.modelVariables[0]
     assert (first.start, first.min, first.max, first.unit) == ("1.3", "-2.0", "4.0", "m")
     assert description.coSimulation.modelIdentifier == "random_network"

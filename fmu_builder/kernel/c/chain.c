@@ -221,12 +221,15 @@ static inline int chain_table(
 }
 
 /* Where the wire stands when the contact spring is another one: at rest the frame below stands still at position
-   values[row][0] = xi, pushed by k_E (xi - eta) = k_new (xi - eta_new). */
-static inline void chain_map_positions(
+   values[row][0] = xi, pushed by k_E (xi - eta) = k_new (xi - eta_new); ratio = k_E / k_new. 1 = the heights do not rise any
+   more: on so soft a spring the force at rest changes faster with the height than the spring gives way. */
+static inline int chain_map_positions(
     const double *positions, const double *values, int outputs, int rows, double ratio, double *moved) {
-    int row;
+    int row, rising = 1;
     for (row = 0; row < rows; ++row) {
         double xi = values[row * outputs];
         moved[row] = xi - (xi - positions[row]) * ratio;
+        rising = rising && (row == 0 || moved[row] > moved[row - 1]);
     }
+    return !rising;
 }

@@ -73,7 +73,7 @@ EXPORTED int llmn_chain_table(
     return chain_table(tables, head, theta, A, B, g, node);
 }
 
-EXPORTED void llmn_chain_map_positions(
+EXPORTED int llmn_chain_map_positions(
     const double *positions, const double *values, int outputs, int rows, double ratio, double *moved) {
-    chain_map_positions(positions, values, outputs, rows, ratio, moved);
+    return chain_map_positions(positions, values, outputs, rows, ratio, moved);
 }

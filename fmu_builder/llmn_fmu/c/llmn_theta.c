@@ -59,8 +59,11 @@ static COLD int theta_rebuild(Model *model, Message *message)
         theta_append_trouble(message, answer, node);
         return 1;
     }
-    chain_map_positions(tables.map_positions, tables.map_values, TABLES_OUTPUTS, TABLES_MAP_POINTS,
-                        theta_head[CHAIN_K_E] / model->parameters[0], model->map_positions);
+    if (chain_map_positions(tables.map_positions, tables.map_values, TABLES_OUTPUTS, TABLES_MAP_POINTS,
+                            theta_head[CHAIN_K_E] / model->parameters[0], model->map_positions)) {
+        message_append(message, "with so soft a contact the wire would have to fall for the frame to rise at rest");
+        return 1;
+    }
     for (int k = 0; k < THETA_TERMS; ++k) {
         const double known = tables.term_coefficients[k];
         const double size = theta_stiffness_terms[k] ? model->parameters[0] : known < 0.0 ? -known : known;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from fmu_builder.fmi2.interface import Interface
 from fmu_builder.fmi2.variable import Variable
 from fmus.wbm.parameters import operating_point, parameter_document, parameter_sets
@@ -63,13 +65,34 @@ def _outputs() -> tuple[Variable, ...]:
     )
 
 
+def _physical() -> Iterator[Variable]:
+    """Yield the parameters in the order of the C structure `Parameters`."""
+    default = parameter_sets()[parameter_document()["default"]]
+    for entry in default.entries:
+        low, high = parameter_document()["parameters"][entry.name]["limits"]
+        yield Variable(
+            name=entry.name,
+            causality="parameter",
+            unit=entry.unit,
+            description=f"{entry.description}; at its start value the preset decides",
+            start=entry.value,
+            minimum=low,
+            maximum=high,
+            nominal=abs(entry.value),
+        )
+
+
 def _parameters() -> tuple[Variable, ...]:
     names = tuple(parameter_sets())
     default = names.index(parameter_document()["default"]) + 1
+    preset = (
+        "parameter set; A reproduces the thesis's resonances, Blow has a real collector head. A physical"
+        " parameter with another value than its start overrides it"
+    )
     return (
         Variable(
             name="preset", type="Enumeration", causality="parameter", start=default, enumeration=names,
-            description="parameter set; A reproduces the thesis's resonances, Blow has a real collector head",
+            description=preset,
         ),
         Variable(
             name="inner_step", causality="parameter", unit="s", start=DEFAULT_INNER_STEP,
@@ -113,7 +136,7 @@ def interface() -> Interface:
             "principles; starts in the static equilibrium of its inputs. In co-simulation they are held "
             "over a communication step; in model exchange the importer integrates its six states"
         ),
-        variables=(*_inputs(), *_outputs(), *_parameters(), *_derivatives()),
+        variables=(*_inputs(), *_outputs(), *_parameters(), *_derivatives(), *_physical()),
         states=STATES,
         default_step=0.001,
         stop_time=10.0,

@@ -178,6 +178,51 @@ def test_height_out_of_reach_is_refused_in_a_step(open_fmu: Callable[..., object
         assert after[OUTPUTS.index("xi")] == before[OUTPUTS.index("xi")]
 
 
+@pytest.mark.parametrize(
+    ("preset", "changes"),
+    [("Blow", {"k_E": 2e5}), ("A", {"mC": 9.0, "c_d": 60.0, "l1": 1.64}), ("B", {"m1": 21.0, "g": 9.7})],
+)
+def test_what_is_given_another_value_overrides_the_preset(
+    fmu_path: Path, open_fmu: Callable[..., object], preset: str, changes: dict[str, float]
+) -> None:
+    inputs = excitation(80, 9)
+    with open_fmu(preset, tuple(inputs[0]), ready=False) as (fmu, _):
+        fmu.setReal([REFERENCE[name] for name in changes], list(changes.values()))
+        fmu.exitInitializationMode()
+        found = run(fmu, inputs)
+        assert fmu.getReal([REFERENCE["k_E"]]) == [changes.get("k_E", 1e5)]
+    expected = native.simulate(parameter_sets()[preset].changed(**changes), inputs, STEP)
+    assert np.array_equal(found, expected)
+    assert not np.array_equal(expected, native.simulate(parameter_sets()[preset], inputs, STEP))
+
+
+def test_every_parameter_is_shown_with_its_limits() -> None:
+    known = parameter_sets()["A"].values()
+    shown = [v for v in interface().variables if v.causality == "parameter" and v.name in known]
+    assert [v.name for v in shown] == list(known)
+    for chosen in parameter_sets().values():
+        assert all(v.minimum <= chosen[v.name] <= v.maximum and v.variability == "fixed" for v in shown)
+
+
+def test_impossible_parameters_are_refused(open_fmu: Callable[..., object]) -> None:
+    with open_fmu(ready=False) as (fmu, log):
+        with pytest.raises(FMICallException):
+            fmu.setReal([REFERENCE["mC"]], [-1.0])
+        assert "mC = -1 is outside [1, 30]" in log[-1]
+        fmu.setReal([REFERENCE["c"]], [2.6])
+        with pytest.raises(FMICallException):
+            fmu.exitInitializationMode()
+        assert "these link lengths do not close to a linkage" in log[-1]
+        fmu.setReal([REFERENCE["c"]], [parameter_sets()["A"]["c"]])
+        with pytest.raises(FMICallException):
+            fmu.getDirectionalDerivative([REFERENCE["xi"]], [REFERENCE["k_E"]], [1.0])
+        assert "no derivative with respect to k_E" in log[-1]
+        fmu.exitInitializationMode()
+        with pytest.raises(FMICallException):
+            fmu.setReal([REFERENCE["k_E"]], [2e5])
+        assert "k_E is a fixed parameter" in log[-1]
+
+
 def test_inner_step_out_of_range_is_refused(open_fmu: Callable[..., object]) -> None:
     with pytest.raises(FMICallException), open_fmu(inner_step=0.05):
         pass

@@ -1,14 +1,27 @@
 /* The white-box model behind the model contract of the FMI layer (fmi2/c/model.h). */
 
+enum { PARAMETER_COUNT_OF_SET = sizeof(Parameters) / sizeof(double), FIRST_PARAMETER = VARIABLE_l1 };
+
+/* The preset, with what was given another value than its start in the place of what it says. */
 static int model_set_parameters(Model *model, const double *values, Message *message) {
     const int preset = (int)values[VARIABLE_preset] - 1;
+    union {
+        Parameters set;
+        double numbers[PARAMETER_COUNT_OF_SET];
+    } chosen;
+    int n;
     if (preset < 0 || preset >= PARAMETER_SET_COUNT) {
         message_append(message, "preset = ");
         message_append_number(message, values[VARIABLE_preset]);
         message_append(message, " is none of the parameter sets");
         return 1;
     }
-    return wbm_prepare(model, &parameter_sets[preset], values[VARIABLE_inner_step], message);
+    chosen.set = parameter_sets[preset];
+    for (n = 0; n < PARAMETER_COUNT_OF_SET; ++n) {
+        const double value = values[FIRST_PARAMETER + n];
+        if (value != variable_start[FIRST_PARAMETER + n]) chosen.numbers[n] = value;
+    }
+    return wbm_prepare(model, &chosen.set, values[VARIABLE_inner_step], message);
 }
 
 /* nothing can be changed while it runs */
@@ -62,14 +75,23 @@ static void model_directional_derivative(
     wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_der_phi_1);
 }
 
-/* The equilibrium follows the inputs; velocities and accelerations stay zero, and inner_step has no part in it. */
+/* The equilibrium follows the inputs; velocities and accelerations stay zero, and inner_step has no part in it. The physical
+   parameters are not differentiated. */
 static int model_start_derivative(
     const Model *model, const double *values, const double *direction, double *change, Message *message
 ) {
     const double inputs[INPUTS] = {values[VARIABLE_eta], values[VARIABLE_M_pa]};
     const double du[INPUTS] = {direction[VARIABLE_eta], direction[VARIABLE_M_pa]};
     double dx[STATE_COUNT];
-    (void)message;
+    int n;
+    for (n = FIRST_PARAMETER; n < FIRST_PARAMETER + PARAMETER_COUNT_OF_SET; ++n) {
+        if (direction[n] != 0.0) {
+            message_append(message, "no derivative with respect to ");
+            message_append(message, variable_name[n]);
+            message_append(message, ": physical parameters are not differentiated");
+            return 1;
+        }
+    }
     wbm_equilibrium_tangent(&model->constants, model->state, inputs, du, dx);
     wbm_outputs_tangent(&model->constants, model->state, dx, du, change + VARIABLE_xi);
     return 0;

@@ -11,7 +11,7 @@ from cosimulation.progress import Reporter
 from cosimulation.result_folder import result_folder
 from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
-from cosimulation.study import blending, order, tables
+from cosimulation.study import blending, order, surrogate, tables
 from cosimulation.study.limits import judge, plural
 from cosimulation.study.page import Section, render
 from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
@@ -31,15 +31,16 @@ class Study:
     Attributes:
         settings: The class of its settings.
         tasks: Settings and white-box FMU to independent tasks.
-        run: Task to score records; a record with the key `cpu` is a timing.
-        sections: Records to the sections of its page.
+        run: Task to records: score records, and findings, whose first key says what they are; one that
+            begins with `cpu` is a timing, with `measure` what limits may be set on.
+        sections: Score records and findings to the sections of its page.
         recommend: Whether configurations compete, so that one is recommended by validation data.
     """
 
     settings: type[StudySettings]
     tasks: Callable[[Any, Path], Sequence[Any]]
     run: Callable[[Any], Records]
-    sections: Callable[[Any, Records], list[Section]]
+    sections: Callable[[Any, Records, Records], list[Section]]
     recommend: bool
 
 
@@ -48,7 +49,11 @@ STUDIES = {
     "blending": Study(
         blending.BlendingSettings, blending.tasks, blending.run_task, tables.blending_sections, True
     ),
+    "surrogate": Study(
+        surrogate.SurrogateStudySettings, surrogate.tasks, surrogate.run_task, surrogate.sections, True
+    ),
 }
+_FINDINGS = ("measure", "theta", "optima", "reason", "drawing", "information")
 
 
 def run(
@@ -69,22 +74,32 @@ def run(
             study.run, study.tasks(settings, white_box), reporter, f"study {name}"
         )
         found = [record for result in results for record in result]
-        scores = [{key: item.get(key) for key in FIELDS} for item in found if "cpu" not in item]
-        timings = [item for item in found if "cpu" in item]
+        kinds = [next(iter(item)) for item in found]
+        timings = [item for item, kind in zip(found, kinds, strict=True) if kind == "cpu"]
+        findings = [item for item, kind in zip(found, kinds, strict=True) if kind in _FINDINGS]
+        scores = [
+            {key: item.get(key) for key in FIELDS}
+            for item, kind in zip(found, kinds, strict=True)
+            if kind not in ("cpu", *_FINDINGS)
+        ]
         if study.recommend:
             scores = _with_recommendations(scores)
-        verdicts = [judge(limit, scores) for limit in settings.limits]
+        measures = [item for item in findings if "measure" in item]
+        verdicts = [judge(limit, scores, measures) for limit in settings.limits]
         text = settings.model_dump_json(indent=1)
         page = render(
             settings.title,
             f"{plural(len(settings.seeds), 'seed')}, white-box sets {', '.join(settings.sets)}",
             verdicts,
-            study.sections(settings, scores),
+            study.sections(settings, scores, findings),
             text,
         )
         write_text(folder / "report.html", page)
         write_text(folder / "scores.json", as_json(scores))
         write_text(folder / "timings.json", as_json(timings))
+        if findings:
+            told = [item for item in findings if "drawing" not in item]
+            write_text(folder / "findings.json", as_json(told))
         write_text(folder / "settings.json", text + "\n")
     return StudyResult(output, scores, verdicts, {})
 
@@ -93,7 +108,7 @@ def _with_recommendations(scores: Records) -> Records:
     """Mark configurations by their validation scores; what no data were identified from never competes."""
 
     def competes(item: Mapping[str, Any]) -> bool:
-        return item["model"] == "n4sid" and item["data_set"] in ("wr_validation", "wr_test")
+        return item["model"] in ("n4sid", "surrogate") and item["data_set"] in ("wr_validation", "wr_test")
 
     marked = iter(marked_recommended([item for item in scores if competes(item)]))
     return [next(marked) if competes(item) else item for item in scores]

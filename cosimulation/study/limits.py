@@ -17,19 +17,23 @@ Where = dict[str, str | int | float | bool | tuple[int, ...] | None]
 
 
 class Limit(Section):
-    """One line of an acceptance table; the statistics are over seeds, of the FIT on test data."""
+    """One line of an acceptance table; the statistics are over seeds, of the FIT on test data or a measure."""
 
     label: str
-    where: Where = Field(description="fields of a score record")
+    measure: str | None = Field(
+        None, description="name of a measured quantity in place of the FIT: then the limits are largest values"
+    )
+    where: Where = Field(description="fields of a score record, or of a measure")
     combine: Literal["best", "worst"] = Field(
         "best",
-        description="of several matching records of one seed: the better of alternatives, or the worst",
+        description="of several matching records of one seed: the better of alternatives, or the worst; of a "
+        "measure always the worst",
     )
     less: Where | None = Field(
         None, description="fields of records whose FIT is subtracted, for limits on a difference"
     )
-    median: float | None = Field(None, description="smallest median that passes [%]")
-    worst: float | None = Field(None, description="smallest worst value that passes [%]")
+    median: float | None = Field(None, description="smallest median that passes, of a measure the largest")
+    worst: float | None = Field(None, description="smallest worst value that passes, of a measure the largest")
     stretch: float | None = Field(None, description="a median to strive for; never fails [%]")
     thesis: float | None = Field(None, description="the thesis's figure, for comparison [%]")
     yardstick: Where | None = Field(
@@ -43,11 +47,12 @@ class Verdict:
 
     Attributes:
         limit: The limit.
-        median: Over the seeds [%]; NaN without data.
-        worst: Over the seeds [%].
+        median: Over the seeds [%, or the measure's unit]; NaN without data.
+        worst: Over the seeds.
         seeds: How many seeds there were.
         yardstick: Median of the limit's yardstick [%]; None without one.
         passed: None for a limit that only prints.
+        unit: Of a measure; % for a FIT.
     """
 
     limit: Limit
@@ -56,11 +61,13 @@ class Verdict:
     seeds: int
     yardstick: float | None
     passed: bool | None
+    unit: str = "%"
 
     def line(self) -> str:
         """Return one line of text."""
+        sign = "<=" if self.limit.measure else ">="
         asked = [
-            f"{name} >= {value:g}"
+            f"{name} {sign} {value:g}"
             for name, value in (("median", self.limit.median), ("worst", self.limit.worst))
             if value is not None
         ]
@@ -79,12 +86,16 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def judge(limit: Limit, records: Sequence[Mapping[str, Any]]) -> Verdict:
-    """Compare the FIT of the matching test records with a limit.
+def judge(
+    limit: Limit, records: Sequence[Mapping[str, Any]], measures: Sequence[Mapping[str, Any]] = ()
+) -> Verdict:
+    """Compare the FIT of the matching test records, or the matching measures, with a limit.
 
     Raises:
         KeyError: The limit names a field that a record does not have.
     """
+    if limit.measure is not None:
+        return _judge_measure(limit, measures)
     named = set(limit.where) | set(limit.less or {}) | set(limit.yardstick or {})
     unknown = sorted(named - set(FIELDS))
     if unknown:
@@ -105,6 +116,25 @@ def judge(limit: Limit, records: Sequence[Mapping[str, Any]]) -> Verdict:
     asked = [value >= bound for value, bound in bounds if bound is not None]
     yardstick = float(np.median(reached)) if reached else None
     return Verdict(limit, median, worst, len(values), yardstick, all(asked) if asked else None)
+
+
+def _judge_measure(limit: Limit, measures: Sequence[Mapping[str, Any]]) -> Verdict:
+    """Compare the largest matching measure of every seed with a limit."""
+    named = [one for one in measures if one["measure"] == limit.measure]
+    if unknown := sorted({key for one in named for key in limit.where if key not in one}):
+        raise KeyError(f"limit {limit.label!r}: no such field {', '.join(unknown)}")
+    by_seed: dict[int, float] = {}
+    for one in named:
+        if all(_matches(one[key], value) for key, value in limit.where.items()):
+            value = np.inf if one["value"] is None else float(one["value"])
+            by_seed[one["seed"]] = max(value, by_seed.get(one["seed"], -np.inf))
+    values = list(by_seed.values())
+    median = float(np.median(values)) if values else float("nan")
+    worst = float(np.max(values)) if values else float("nan")
+    asked = [value <= bound for value, bound in ((median, limit.median), (worst, limit.worst))
+             if bound is not None]  # fmt: skip
+    unit = named[0]["unit"] if named else ""
+    return Verdict(limit, median, worst, len(values), None, all(asked) if asked else None, unit)
 
 
 def _matches(held: Any, wanted: Any) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from cosimulation.report.tables import Row as TextRow
 from cosimulation.report.template import TEMPLATES as REPORT_TEMPLATES
 from cosimulation.study.limits import Limit, Verdict
 
@@ -52,6 +53,25 @@ class Table:
 
 
 @dataclass(frozen=True)
+class TextTable:
+    """A table of anything else, with the report's cells.
+
+    Attributes:
+        caption: What is shown.
+        corner: Heading of the first column.
+        columns: Headings of the others.
+        rows: One cell per column each.
+        prose: Whether the cells hold sentences rather than numbers.
+    """
+
+    caption: str
+    corner: str
+    columns: Sequence[str]
+    rows: Sequence[TextRow]
+    prose: bool = False
+
+
+@dataclass(frozen=True)
 class Drawing:
     """An inline SVG with its caption."""
 
@@ -67,6 +87,7 @@ class Section:
     text: str
     tables: Sequence[Table] = field(default_factory=tuple)
     figures: Sequence[Drawing] = field(default_factory=tuple)
+    text_tables: Sequence[TextTable] = field(default_factory=tuple)
 
 
 def colour(fit: float) -> str:
@@ -98,8 +119,9 @@ def exact(fit: float) -> str:
 
 def asked(limit: Limit) -> str:
     """Return what a limit asks for as text."""
+    sign = "\N{LESS-THAN OR EQUAL TO}" if limit.measure else "\N{GREATER-THAN OR EQUAL TO}"
     parts = [
-        f"{name} \N{GREATER-THAN OR EQUAL TO} {value:g}"
+        f"{name} {sign} {value:g}"
         for name, value in (("median", limit.median), ("worst", limit.worst), ("stretch", limit.stretch))
         if value is not None
     ]
@@ -111,14 +133,15 @@ def render(
 ) -> str:
     """Return the whole page: the same text for the same results."""
     environment = Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=FileSystemLoader([TEMPLATES, REPORT_TEMPLATES]), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     environment.globals.update(colour=colour, number=number, exact=exact, asked=asked)
     style = (REPORT_TEMPLATES / "style.css").read_text(encoding="utf-8")
     return environment.get_template("study.html.jinja").render(
         title=title,
         lead=lead,
-        verdicts=verdicts,
+        verdicts=[verdict for verdict in verdicts if verdict.limit.measure is None],
+        measured=[verdict for verdict in verdicts if verdict.limit.measure is not None],
         yardsticks=any(verdict.yardstick is not None for verdict in verdicts),
         sections=sections,
         settings=settings,

@@ -39,7 +39,9 @@ def statistics(fits: Sequence[float | None]) -> Cell:
     return float(np.median(values)), float(min(values)) if len(values) > 1 else None
 
 
-def order_sections(settings: order.OrderSettings, records: list[dict[str, Any]]) -> list[Section]:
+def order_sections(
+    settings: order.OrderSettings, records: list[dict[str, Any]], _: list[dict[str, Any]]
+) -> list[Section]:
     """Return one section per white-box set: FIT over the order, full and reduced, for every signal."""
     sections = []
     for wbm in settings.sets:
@@ -66,7 +68,9 @@ def order_sections(settings: order.OrderSettings, records: list[dict[str, Any]])
     return sections
 
 
-def blending_sections(settings: BlendingSettings, records: list[dict[str, Any]]) -> list[Section]:
+def blending_sections(
+    settings: BlendingSettings, records: list[dict[str, Any]], _: list[dict[str, Any]]
+) -> list[Section]:
     """Return one section per table of the settings, and one of the local models at their own points."""
     shown = by_configuration(records)
     sections = []

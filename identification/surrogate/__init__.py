@@ -4,7 +4,12 @@ from identification.surrogate.affine import OFFSETS, analyse_offsets
 from identification.surrogate.assembly import network, theta_nodes
 from identification.surrogate.chain import Head
 from identification.surrogate.exact import exact_chain9, lower_framework
-from identification.surrogate.frequency_response import FrequencyResponseFit, FrequencyResponseSettings
+from identification.surrogate.frequency_response import (
+    FrequencyResponseFit,
+    FrequencyResponseSettings,
+    fit_frequency_response,
+    input_spectrum,
+)
 from identification.surrogate.job import identify
 from identification.surrogate.output_error import OutputErrorFit, OutputErrorSettings
 from identification.surrogate.problem import SIGNALS, NetworkParameters, OutputErrorProblem
@@ -33,7 +38,9 @@ __all__ = [
     "Which",
     "analyse_offsets",
     "exact_chain9",
+    "fit_frequency_response",
     "identify",
+    "input_spectrum",
     "lower_framework",
     "network",
     "theta_nodes",

@@ -52,7 +52,7 @@ def order_sections(
                     shown = order.table(records, wbm, signal, route, noise)
                     what = "full order" if route == order.FULL else f"reduced to {settings.reduced_to} states"
                     over = "Median over the seeds." if len(settings.seeds) > 1 else "One seed."
-                    caption = f"FIT of {signal} [%], {what}{_with_noise(noise)}. {over}"
+                    caption = f"FIT of {signal} [%], {what}{with_noise(noise)}. {over}"
                     rows = [
                         Row(name, [(value, None) for value in cells])
                         for name, cells in zip(shown["data_sets"], shown["cells"], strict=True)
@@ -94,7 +94,8 @@ def by_configuration(records: Records) -> Shown:
     return found
 
 
-def _with_noise(noise: str) -> str:
+def with_noise(noise: str) -> str:
+    """Return what is added to the name of a model for its measurement noise."""
     return "" if noise == "none" else f", noise of {noise}"
 
 
@@ -125,10 +126,10 @@ def _networks(settings: BlendingSettings, wanted: TableSettings, wbm: str, shown
     one_number = len(numbers) == 1
     rows = []
     for one, count, noise in _members(settings, wanted, wbm):
-        name = one.name + ("" if one_number else f", {count} LLM") + _with_noise(noise)
+        name = one.name + ("" if one_number else f", {count} LLM") + with_noise(noise)
         signals = shown.get((wbm, one.name, count, noise, "wr_test"), {})
         rows.append(_row(name, signals, one))
-    caption = _caption(wbm, len(settings.seeds)) + (f" {numbers[0]} LLM." if one_number else "")
+    caption = fit_caption(wbm, len(settings.seeds)) + (f" {numbers[0]} LLM." if one_number else "")
     return Table(caption, "configuration", SIGNALS, rows)
 
 
@@ -140,8 +141,8 @@ def _over_llms(settings: BlendingSettings, wanted: TableSettings, wbm: str, show
     for name, noise in dict.fromkeys((one.name, noise) for one, _, noise in members):
         found = [shown.get((wbm, name, count, noise, "wr_test"), {}).get("F_p", []) for count in counts]
         yardstick = any(one.models == "linearisation" for one, _, _ in members if one.name == name)
-        rows.append(Row(name + _with_noise(noise), [statistics(fits) for fits in found], yardstick))
-    caption = _caption(wbm, len(settings.seeds), "FIT of the contact force F_p")
+        rows.append(Row(name + with_noise(noise), [statistics(fits) for fits in found], yardstick))
+    caption = fit_caption(wbm, len(settings.seeds), "FIT of the contact force F_p")
     return Table(caption, "configuration", [f"{count} LLM" for count in counts], rows)
 
 
@@ -152,12 +153,13 @@ def _own(settings: BlendingSettings, wbm: str, shown: Shown) -> Table:
         for noise in (noise for noise in NOISES if noise in own.noises):
             for point in points:
                 signals = shown.get((wbm, own.route, 1, noise, point), {})
-                name = f"{own.route}, {point}{_with_noise(noise)}"
+                name = f"{own.route}, {point}{with_noise(noise)}"
                 rows.append(_row(name, signals, own))
-    return Table(_caption(wbm, len(settings.seeds)), "local model", SIGNALS, rows)
+    return Table(fit_caption(wbm, len(settings.seeds)), "local model", SIGNALS, rows)
 
 
-def _caption(wbm: str, seeds: int, what: str = "FIT") -> str:
+def fit_caption(wbm: str, seeds: int, what: str = "FIT") -> str:
+    """Return what a table of FIT values shows."""
     over = ": median over the seeds, below it the worst" if seeds > 1 else ", one seed"
     return f"White-box set {wbm}. {what} on test data [%]{over}."
 
@@ -177,7 +179,7 @@ def _figure(settings: BlendingSettings, wanted: TableSettings, shown: Shown) -> 
         curves: dict[str, figures.Curve] = {}
         for one, count, noise in _members(settings, wanted, wbm):
             fits = shown.get((wbm, one.name, count, noise, "wr_test"), {}).get("F_p", [])
-            name = one.name + _with_noise(noise)
+            name = one.name + with_noise(noise)
             curve = curves.setdefault(name, figures.Curve(name, one.models == "linearisation", {}))
             curve.errors[count] = [100.0 - fit for fit in fits if fit is not None]
         panels.append(figures.Panel(wbm, list(curves.values())))

@@ -114,8 +114,9 @@ def _surrogate(
     noise = labels["noise"]
     validation = [item.data for item in source.data.select("whole_range", "validation")]
     training = source.training("whole_range", noise)
-    result = identify(local, training, head_of(task.wbm), one.surrogate, validation)
     count = len(local.models)
+    points = source.training("operating_point", noise, centres(count)) if one.models == "n4sid" else []
+    result = identify(local, training, head_of(task.wbm), one.surrogate, validation, points)
     exact = one.models != "n4sid"
     about = {"model": "linearisation" if exact else "surrogate", "llms": count,
              "structure": result.settings.structure}  # fmt: skip

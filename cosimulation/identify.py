@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from cosimulation.automatic import (
@@ -113,6 +114,7 @@ class Identified:
         choices: What was chosen automatically.
         warnings: What makes it doubtful.
         diagnostics: More, by name.
+        surrogate: Physical parameters and how they were found, of a surrogate.
     """
 
     path: Path
@@ -122,6 +124,7 @@ class Identified:
     choices: tuple[Choice, ...]
     warnings: tuple[IdentificationWarning, ...]
     diagnostics: dict[str, Any]
+    surrogate: surrogates.SurrogateResult | None = None
 
     def summary(self) -> dict[str, object]:
         """Return the result for a machine."""
@@ -229,10 +232,10 @@ def identify_from_folder(settings: IdentifySettings, reporter: Reporter = SILENT
     static_map, before = _static_map(settings, data)
     reporter.say(f"identifying the local models of {settings.name}")
     local = identify(training, settings.n4sid, static_map, settings.descriptions)
-    diagnostics: dict[str, Any] = {}
+    physical: surrogates.SurrogateResult | None = None
     if settings.method == "surrogate":
         reporter.say("fitting physical parameters")
-        parameter_set, diagnostics, against = _surrogate(settings, data, local)
+        parameter_set, physical, against = _surrogate(settings, data, local)
         choices, warnings = (*before, *local_choices(local)), (*local.warnings, *against)
     else:
         reporter.say("blending them")
@@ -248,7 +251,9 @@ def identify_from_folder(settings: IdentifySettings, reporter: Reporter = SILENT
     }
     path, page = settings.files
     result = Identified(
-        path, page, parameter_set.replaced(provenance=provenance), local, choices, warnings, diagnostics
+        *(path, page, parameter_set.replaced(provenance=provenance), local, choices, warnings),
+        {} if physical is None else _diagnostics(physical),
+        physical,
     )
     _write(result)
     return result
@@ -292,7 +297,7 @@ def _write(result: Identified) -> None:
 
 def _surrogate(
     settings: IdentifySettings, data: DataFolder, local: LocalModels
-) -> tuple[ParameterSet, dict[str, Any], tuple[IdentificationWarning, ...]]:
+) -> tuple[ParameterSet, surrogates.SurrogateResult, tuple[IdentificationWarning, ...]]:
     if settings.head is None:
         mend = "Add a table [head] with m_C, k_C, c_C, k_E"
         raise SettingsError.of("head", "a surrogate needs the collector head, which is not identified", mend)
@@ -304,11 +309,30 @@ def _surrogate(
     local.refuse_outside()
     result = surrogates.identify(local, training, head, settings.surrogate, validation, heights)
     parameter_set = surrogates.network(settings.name, result, derived_outputs(settings))
-    diagnostics = {
-        "theta": f"{result.recommended} ({result.reason})",
-        "start": [fit.start + (f" ({fit.fallback})" if fit.fallback else "") for fit in result.responses],
-        "at a bound": [dict(row) for row in result.at_bound(result.recommended)],
-        "FIT on training data [%]": dict(result.fit_after),
-        "how sure": list(result.certainty.remarks) if result.certainty else [],
+    return parameter_set, result, surrogate_warnings(result, training)
+
+
+def _diagnostics(result: surrogates.SurrogateResult) -> dict[str, Any]:
+    """Return what is told of a surrogate: theta with standard errors, how it was found, what is doubtful."""
+    which, parameters = result.recommended, result.structure.parameters
+    errors = result.standard_errors(which)
+    thetas = {
+        f"theta at {result.local.place(index)}": {
+            parameter.name: _with_error(value, error, parameter.unit)
+            for parameter, value, error in zip(parameters, row, errors[index], strict=True)
+        }
+        for index, row in enumerate(result.theta(which).tolist())
     }
-    return parameter_set, diagnostics, surrogate_warnings(result, training)
+    return {
+        "theta": f"{which} ({result.reason})",
+        "start": [fit.start + (f" ({fit.fallback})" if fit.fallback else "") for fit in result.responses],
+        **thetas,
+        "at a bound": [dict(row) for row in result.at_bound(which)],
+        "hardly told apart": list(result.correlated()),
+        "how sure": list(result.certainty.remarks) if result.certainty else [],
+        "FIT on training data [%]": dict(result.fit_after),
+    }
+
+
+def _with_error(value: float, error: float, unit: str) -> str:
+    return f"{value:.6g}" + (f" +- {error:.2g}" if np.isfinite(error) else "") + (f" {unit}" if unit else "")

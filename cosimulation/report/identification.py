@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from cosimulation.report.choices import ORDER_RULE, choice_rows
 from cosimulation.report.figures.singular_values import singular_values_figure
+from cosimulation.report.surrogate import surrogate_table
 from cosimulation.report.template import rendered
 from identification.n4sid import LocalModels
 
@@ -35,6 +36,9 @@ def identification_page(result: Identified) -> str:
         method=local.settings.subspace.method,
         outputs=local.settings.outputs,
         rows=_local_rows(local),
+        surrogate=None
+        if result.surrogate is None
+        else surrogate_table(chosen.name, result.surrogate, "surrogate"),
         provenance=json.dumps(provenance, indent=1, sort_keys=True),
     )
 

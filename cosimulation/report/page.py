@@ -19,7 +19,8 @@ from cosimulation.report.figures.singular_values import singular_values_figure
 from cosimulation.report.figures.spectra import SEGMENT_SECONDS, spectra_figure
 from cosimulation.report.figures.summary import summary_figure
 from cosimulation.report.modes import FURTHEST
-from cosimulation.report.tables import fit_rows, mode_names, pole_rows, step_rows, surrogate_tables
+from cosimulation.report.surrogate import surrogate_tables
+from cosimulation.report.tables import fit_rows, mode_names, pole_rows, step_rows
 from cosimulation.report.template import rendered
 from cosimulation.report.verdict import percent, verdict
 from cosimulation.report.views import SetView, views

@@ -53,7 +53,7 @@ STUDIES = {
         surrogate.SurrogateStudySettings, surrogate.tasks, surrogate.run_task, surrogate.sections, True
     ),
 }
-_FINDINGS = ("measure", "theta", "optima", "reason", "drawing", "information")
+_FINDINGS = ("measure", "theta", "optima", "reason", "drawing", "information", "exact")
 
 
 def run(

@@ -17,11 +17,12 @@ Where = dict[str, str | int | float | bool | tuple[int, ...] | None]
 
 
 class Limit(Section):
-    """One line of an acceptance table; the statistics are over seeds, of the FIT on test data or a measure."""
+    """One line of an acceptance table; the statistics are over seeds, of FIT on test data or a measure."""
 
     label: str
     measure: str | None = Field(
-        None, description="name of a measured quantity in place of the FIT: then the limits are largest values"
+        None,
+        description="name of a measured quantity in place of the FIT: then the limits are largest values",
     )
     where: Where = Field(description="fields of a score record, or of a measure")
     combine: Literal["best", "worst"] = Field(
@@ -33,7 +34,9 @@ class Limit(Section):
         None, description="fields of records whose FIT is subtracted, for limits on a difference"
     )
     median: float | None = Field(None, description="smallest median that passes, of a measure the largest")
-    worst: float | None = Field(None, description="smallest worst value that passes, of a measure the largest")
+    worst: float | None = Field(
+        None, description="smallest worst value that passes, of a measure the largest"
+    )
     stretch: float | None = Field(None, description="a median to strive for; never fails [%]")
     thesis: float | None = Field(None, description="the thesis's figure, for comparison [%]")
     yardstick: Where | None = Field(

@@ -133,7 +133,10 @@ def render(
 ) -> str:
     """Return the whole page: the same text for the same results."""
     environment = Environment(
-        loader=FileSystemLoader([TEMPLATES, REPORT_TEMPLATES]), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=FileSystemLoader([TEMPLATES, REPORT_TEMPLATES]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
     )
     environment.globals.update(colour=colour, number=number, exact=exact, asked=asked)
     style = (REPORT_TEMPLATES / "style.css").read_text(encoding="utf-8")

@@ -2,7 +2,7 @@
 
 from identification.surrogate.affine import OFFSETS, analyse_offsets
 from identification.surrogate.assembly import network, theta_nodes
-from identification.surrogate.chain import Head
+from identification.surrogate.chain import STATE_NAMES, Head
 from identification.surrogate.exact import exact_chain9, lower_framework
 from identification.surrogate.frequency_response import (
     FrequencyResponseFit,
@@ -21,6 +21,7 @@ __all__ = [
     "OFFSETS",
     "REASONED_START",
     "SIGNALS",
+    "STATE_NAMES",
     "STRUCTURES",
     "THESIS",
     "FrequencyResponseFit",

@@ -134,6 +134,23 @@ class SurrogateResult:
             found = None if self.certainty is None else self.certainty.standard_errors
         return np.full(self.tuned.shape, np.nan) if found is None else found
 
+    def correlated(self, least: float = 0.95) -> tuple[str, ...]:
+        """Return the pairs of parameters of one tuned local model that data hardly tell apart, in words.
+
+        Args:
+            least: Magnitude of the correlation from which a pair is named.
+        """
+        if self.certainty is None:
+            return ()
+        names, found = self.structure.names, []
+        for index, table in enumerate(self.certainty.correlations):
+            for row, column in zip(*np.triu_indices(len(names), 1), strict=True):
+                if abs(table[row, column]) >= least:
+                    how = "rise together" if table[row, column] > 0.0 else "one rises as the other falls"
+                    pair = f"{names[row]}[{index + 1}] and {names[column]}[{index + 1}]"
+                    found.append(f"{pair}: {how} (correlation {table[row, column]:.3f})")
+        return tuple(found)
+
     def at_bound(self, which: Which) -> tuple[dict[str, str], ...]:
         """Return per local model the parameters that stand at a bound, with `lower` or `upper`."""
         return tuple(self.structure.at_bound(row) for row in self.theta(which))

@@ -58,7 +58,7 @@ def optima_figure(panels: Sequence[tuple[str, Sequence[Optimum]]]) -> Drawing:
         axes[0].legend(loc="upper right")
         svg = inline_svg(figure, "study-optima", "Histogram of final errors of the frequency-response fit.")
     caption = (
-        "Where searches end: relative error of the frequency response over that of the best start of the same "
-        f"run. The first bar is the global optimum; what ends beyond {_WORST:g} is drawn there."
+        "Where searches end: relative error of the frequency response over that of the best start of "
+        f"the same run. The first bar is the global optimum; what ends beyond {_WORST:g} is drawn there."
     )
     return Drawing(Markup(svg), caption)

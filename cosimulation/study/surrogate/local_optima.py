@@ -53,9 +53,7 @@ def run_optima(task: OptimaTask, wanted: LocalOptimaSettings) -> list[dict[str, 
     """Return a record per operating point: final errors of the fit as it ships and of random starts."""
     heights = centres(4)
     seed = task.seed + _OTHER_DATA * task.draw
-    data, _ = study_data(
-        task.fmu, task.wbm, seed, operating_points(heights, "train", task.settings.duration)
-    )
+    data, _ = study_data(task.fmu, task.wbm, seed, operating_points(heights, "train", task.settings.duration))
     structure, head = STRUCTURES[wanted.structure], head_of(task.wbm)
     usual = FrequencyResponseSettings()
     found: list[dict[str, Any]] = []

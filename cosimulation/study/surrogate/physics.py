@@ -1,4 +1,4 @@
-"""What the linearised white-box model says of theta and of the modes: the truth that a surrogate is held to."""
+"""What the linearised white-box model says of theta and of the modes: what a surrogate is held to."""
 
 from __future__ import annotations
 
@@ -14,10 +14,18 @@ from cosimulation.pantograph import OUTPUTS, TORQUE
 from cosimulation.report.modes import matched, mode_name, modes, operating_point_name, reference_poles
 from fmus.wbm import parameter_sets
 from identification.local_model import LocalModel
-from identification.surrogate import Head, SurrogateResult, Which, exact_chain9, lower_framework
+from identification.surrogate import (
+    STATE_NAMES,
+    Head,
+    SurrogateResult,
+    Which,
+    exact_chain9,
+    lower_framework,
+)
 
 _STATES = ("phi_1", "delta", "xi", "phi_1_dot", "delta_dot", "xi_dot")
 """Of the white-box model, coordinates first."""
+_CURVE_POINTS = 41
 THETA_ERROR, FREQUENCY_ERROR = "error of theta", "error of frequency"
 WHICH: tuple[Which, ...] = ("physical", "tuned")
 
@@ -63,6 +71,7 @@ def theta_records(
             about = {**labels, "height": height, "parameter": parameter.name, "unit": parameter.unit}
             right = 1.0 / exact["b_M"] if parameter.name == "r_M" else exact[parameter.name]
             for which in WHICH:
+                sure = float(result.standard_errors(which)[index, place])
                 value = float(result.theta(which)[index, place])
                 tuned = which == "tuned" and result.tuning is not None
                 found.append(
@@ -71,12 +80,44 @@ def theta_records(
                         **about,
                         "value": value,
                         "exact": right,
+                        "error": sure if np.isfinite(sure) else None,
                         "found": "output error" if tuned else _start(result, index),
                         "bound": result.at_bound(which)[index].get(parameter.name, ""),
                     }
                 )
                 error = 100.0 * abs(value / right - 1.0) if right else None
                 found.append({"measure": THETA_ERROR, **about, "which": which, "value": error, "unit": "%"})
+    return found
+
+
+def exact_records(
+    fmu: Path, wbm: str, result: SurrogateResult, labels: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Return the exact chain9 over the whole range, a record per parameter of the surrogate's structure."""
+    known = result.local.settings
+    heights = np.linspace(known.low, known.high, _CURVE_POINTS).tolist()
+    table = [exact_theta(one, result.head) for one in linearisations(fmu, wbm, heights)]
+    return [
+        {"exact": name, **labels, "heights": heights, "values": [row[name] for row in table]}
+        for name in result.structure.names
+        if name in table[0]
+    ]
+
+
+def information_records(result: SurrogateResult, labels: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the Fisher information of every parameter in every state, summed over the local models."""
+    told = result.certainty
+    if told is None:
+        return []
+    found = []
+    for kind, table in (("partial", told.partial), ("coupled", told.coupled)):
+        total = table.sum(axis=1)
+        for row, state in enumerate(STATE_NAMES):
+            for column, name in enumerate(result.structure.names):
+                value = float(total[row, column])
+                found.append(
+                    {"information": kind, **labels, "state": state, "parameter": name, "value": value}
+                )
     return found
 
 

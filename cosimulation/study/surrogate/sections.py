@@ -28,10 +28,9 @@ Records = Sequence[Mapping[str, Any]]
 _MODES = """Frequencies of the local models' modes against those of the white-box model linearised at the same
 height through its own FMU: the difference in percent of the recommended theta's local models. Poles (thesis
 Figure 4.33) and spectra at the operating points (Figures 4.16 to 4.18) are those of the first seed."""
-_OPTIMA = """The frequency-response fit against its own random starts, drawn within a pantograph's usual values:
-every dot of the histogram is one search that ended. The fit as it ships starts from the closed form and takes
-random starts only where that fails. It misses the global optimum if any start ends at a cost lower by more than
-a thousandth."""
+_OPTIMA = """The frequency-response fit as it ships, which starts from the closed form and takes random starts
+only where that fails, against random starts drawn within a pantograph's usual values. It misses the global
+optimum if any start ends at a cost lower by more than a thousandth."""
 
 
 def sections(settings: SurrogateStudySettings, scores: Records, findings: Records) -> list[Section]:
@@ -65,13 +64,14 @@ def _comparison(
         if wanted.reasons:
             reasons.append(_reasons(members, wbm, findings))
     return Section(
-        wanted.title, wanted.text, [one for one in tables if one.rows], text_tables=[r for r in reasons if r.rows]
+        wanted.title,
+        wanted.text,
+        [one for one in tables if one.rows],
+        text_tables=[r for r in reasons if r.rows],
     )
 
 
-def _rows(
-    members: Sequence[SurrogateConfiguration], wbm: str
-) -> Iterator[tuple[str, tuple[Any, ...], bool]]:
+def _rows(members: Sequence[SurrogateConfiguration], wbm: str) -> Iterator[tuple[str, tuple[Any, ...], bool]]:
     """Yield name, key of the scores, and whether it is a yardstick."""
     for one in members:
         if wbm not in one.sets:
@@ -98,8 +98,8 @@ def _reasons(members: Sequence[SurrogateConfiguration], wbm: str, findings: Reco
                 name = f"{one.name}, {count} LLM{with_noise(noise)}"
                 rows.append(TextRow(name, tuple(Cell(text) for text in texts)))
     caption = (
-        f"White-box set {wbm}. Why each search stops where it does: parameters at a bound cannot go where the "
-        "data pull them, over all seeds and local models of the recommended theta."
+        f"White-box set {wbm}. Why each search stops where it does: parameters at a bound cannot go where "
+        "the data pull them, over all seeds and local models of the recommended theta."
     )
     columns = ("recommended theta", "output error ended", "parameters at a bound", "frequency response from")
     return TextTable(caption, "model", columns, rows, prose=True)
@@ -138,7 +138,9 @@ def _starts(items: Records) -> str:
 
 def _modes(settings: SurrogateStudySettings, findings: Records) -> Section:
     tables = []
-    errors = [one for one in findings if one.get("measure") == FREQUENCY_ERROR and one["which"] == RECOMMENDED]
+    errors = [
+        one for one in findings if one.get("measure") == FREQUENCY_ERROR and one["which"] == RECOMMENDED
+    ]
     for wbm in settings.sets:
         mine = [one for one in errors if one["wbm"] == wbm]
         modes = list(dict.fromkeys(one["mode"] for one in mine))
@@ -146,7 +148,9 @@ def _modes(settings: SurrogateStudySettings, findings: Records) -> Section:
         for route, noise in dict.fromkeys((one["route"], one["noise"]) for one in mine):
             rows.append(TextRow(f"{route}{with_noise(noise)}", (), "group"))
             for point in dict.fromkeys(one["point"] for one in mine):
-                chosen = [one for one in mine if (one["route"], one["noise"], one["point"]) == (route, noise, point)]
+                chosen = [
+                    one for one in mine if (one["route"], one["noise"], one["point"]) == (route, noise, point)
+                ]
                 rows.append(TextRow(point, tuple(_frequency(chosen, mode) for mode in modes)))
         caption = (
             f"White-box set {wbm}. Difference of frequency [%], worst of the seeds; below it the reference's "
@@ -154,16 +158,22 @@ def _modes(settings: SurrogateStudySettings, findings: Records) -> Section:
         )
         tables.append(TextTable(caption, "operating point", [f"mode {mode}" for mode in modes], rows))
     drawn = [
-        Drawing(Markup(one["svg"]), one["caption"]) for one in findings if one.get("drawing") in ("poles", "spectra")
+        Drawing(Markup(one["svg"]), one["caption"])
+        for one in findings
+        if one.get("drawing") in ("poles", "spectra")
     ]
-    return Section("Modes, poles and spectra", _MODES, figures=drawn, text_tables=[t for t in tables if t.rows])
+    return Section(
+        "Modes, poles and spectra", _MODES, figures=drawn, text_tables=[t for t in tables if t.rows]
+    )
 
 
 def _frequency(items: Records, mode: str) -> Cell:
     mine = [one for one in items if one["mode"] == mode]
     if not mine or any(one["value"] is None for one in mine):
         return Cell("none")
-    return Cell(f"{max(one['value'] for one in mine):.3f}", small=f"{np.mean([o['reference'] for o in mine]):.3f} Hz")
+    return Cell(
+        f"{max(one['value'] for one in mine):.3f}", small=f"{np.mean([o['reference'] for o in mine]):.3f} Hz"
+    )
 
 
 def _optima(settings: SurrogateStudySettings, findings: Records) -> Section:
@@ -187,7 +197,9 @@ def _optima(settings: SurrogateStudySettings, findings: Records) -> Section:
         rows.append(TextRow(f"set {wbm}", tuple(Cell(text) for text in texts)))
     columns = ("runs", "at the global optimum", "random starts needed", "random starts that end there")
     caption = "A run is one data set at one operating point, with measurement noise."
-    return Section("Local optima", _OPTIMA, figures=[figure], text_tables=[TextTable(caption, "", columns, rows)])
+    return Section(
+        "Local optima", _OPTIMA, figures=[figure], text_tables=[TextTable(caption, "", columns, rows)]
+    )
 
 
 def _optimum(item: Mapping[str, Any]) -> Optimum:

@@ -31,7 +31,7 @@ class SurrogateConfiguration(Section):
     llms: tuple[int, ...] = (4,)
     noises: tuple[Noise, ...] = (ACCEPTANCE_NOISE,)
     sets: tuple[str, ...] = ("A", "Blow")
-    thetas: tuple[Theta, ...] = Field((RECOMMENDED,), min_length=1, description="which thetas are scored")
+    thetas: tuple[Theta, ...] = Field(("recommended",), min_length=1, description="which thetas are scored")
     detailed: bool = Field(False, description="whether its theta and poles are shown and compared")
 
     @model_validator(mode="after")

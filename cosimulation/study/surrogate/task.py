@@ -1,4 +1,4 @@
-"""One white-box set and one seed: data, every surrogate, what it scores and how it compares with the truth."""
+"""One white-box set and one seed: data, every surrogate, its scores, how it compares with the truth."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from cosimulation.pantograph import INPUTS, SIGNALS
 from cosimulation.settings import Split
 from cosimulation.study.data import NOISES, Noise, centres, operating_points, study_data, whole_range
 from cosimulation.study.local_models import LocalModelSource
+from cosimulation.study.surrogate.drawings import drawings
 from cosimulation.study.surrogate.local_optima import OptimaTask, optima_tasks, run_optima
 from cosimulation.study.surrogate.physics import (
     WHICH,
+    exact_records,
     frequency_errors,
     head_of,
+    information_records,
     linearisations,
     theta_records,
 )
@@ -29,7 +32,7 @@ from fmu_builder.kernel import simulate
 from fmu_builder.parameter_set import ParameterSet
 from identification.n4sid import LocalModels
 from identification.scores import records
-from identification.surrogate import SurrogateResult, identify, network
+from identification.surrogate import SurrogateResult, SurrogateSettings, identify, network
 from identification.tuning import tuned_network
 
 SPLITS: tuple[Split, ...] = ("train", "validation", "test")
@@ -116,7 +119,9 @@ def _surrogate(
     training = source.training("whole_range", noise)
     count = len(local.models)
     points = source.training("operating_point", noise, centres(count)) if one.models == "n4sid" else []
-    result = identify(local, training, head_of(task.wbm), one.surrogate, validation, points)
+    wanted_errors = one.detailed and noise != "none"
+    settings = (one.surrogate or SurrogateSettings()).model_copy(update={"standard_errors": wanted_errors})
+    result = identify(local, training, head_of(task.wbm), settings, validation, points)
     exact = one.models != "n4sid"
     about = {"model": "linearisation" if exact else "surrogate", "llms": count,
              "structure": result.settings.structure}  # fmt: skip
@@ -136,9 +141,14 @@ def _surrogate(
     if one.detailed:
         mine = labels | {"route": one.name, "llms": count}
         truth = linearisations(source.fmu, task.wbm, result.frame.centres)
-        found += theta_records(result, truth, mine)
-        for theta, which in (*((which, which) for which in WHICH), (RECOMMENDED, result.recommended)):
-            found += frequency_errors(result.local_models(which), truth, mine | {"which": theta})
+        found += [*theta_records(result, truth, mine), *information_records(result, mine)]
+        for which in WHICH:
+            found += frequency_errors(result.local_models(which), truth, mine | {"which": which})
+        shipped = result.local_models(result.recommended)
+        found += frequency_errors(shipped, truth, mine | {"which": RECOMMENDED})
+        if task.seed == task.settings.seeds[0] and noise == one.noises[-1]:
+            found += drawings(source, result, local, truth)
+            found += exact_records(source.fmu, task.wbm, result, mine)
     return found
 
 
@@ -152,6 +162,8 @@ def _reason(result: SurrogateResult) -> Record:
         "steps": None if tuning is None else len(tuning.history) - 1,
         "starts": [fit.start for fit in result.responses],
         "bounds": [dict(row) for row in result.at_bound(result.recommended)],
+        "correlated": list(result.correlated()),
+        "remarks": [] if result.certainty is None else list(result.certainty.remarks),
     }
 
 

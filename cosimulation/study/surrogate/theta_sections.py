@@ -2,25 +2,40 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from cosimulation.report import thesis
+from cosimulation.report.figures.drawing import INK, PALETTE
+from cosimulation.report.figures.theta import ThetaPanel, ThetaSeries, theta_figure
+from cosimulation.report.surrogate import THETAS
 from cosimulation.report.tables import Cell, number, significant
 from cosimulation.report.tables import Row as TextRow
-from cosimulation.study.page import Section, TextTable
+from cosimulation.study.page import Drawing, Section, TextTable
 from cosimulation.study.surrogate.physics import THETA_ERROR, WHICH
 from cosimulation.study.surrogate.settings import SurrogateStudySettings
 from cosimulation.study.tables import with_noise
 from identification.surrogate import STRUCTURES
 
+_EXACT = "exact, linearised white-box model"
+_NONE = np.zeros(0)
+_NUMBERS = re.compile(r" = \S+ \+- \S+( [^ ]+(?= cannot))?| \(correlation [^)]*\)")
+_INFORMATION = {
+    "partial": "Without coupling over time, as in the thesis (eq. 5.1-5.2): the state counts as given.",
+    "coupled": "With the coupling over time (eq. 5.3): through the whole simulation.",
+}
+_FISHER = """Exponents of ten of the Fisher information of every parameter, in its own unit, in every state, the
+state in its standard deviation about rest; summed over the local models, median over the seeds (thesis
+Table 5.2)."""
 Records = Sequence[Mapping[str, Any]]
 _TEXT = """Theta of every local model, median over the seeds, beside the chain that behaves exactly as the
-linearised white-box model (chain9; a parameter that this structure lacks is zero there or not). Behind
-\N{PLUS-MINUS SIGN} the standard error that one seed's data tell (median over the seeds), then the scatter over
-the seeds (standard deviation). The thesis identified another reference from another start: the same letter need
+linearised white-box model (chain9). Behind \N{PLUS-MINUS SIGN} the standard error that one seed's data tell
+(median over the seeds), then the scatter over the seeds (standard deviation). The thesis identified another reference from another start: the same letter need
 not be the same number."""
 
 
@@ -42,8 +57,103 @@ def theta_sections(settings: SurrogateStudySettings, findings: Records) -> list[
             wrong = [item for item in errors if (item["route"], item["wbm"]) == (one.name, wbm)]
             if wrong:
                 tables.append(_error_table(wbm, wrong))
-        found.append(Section(f"Theta of {one.name}", _TEXT, text_tables=tables))
+        drawn = [
+            _figure(wbm, one.name, one.surrogate.structure, findings)
+            for wbm in settings.sets
+            if wbm in one.sets
+        ]
+        found.append(Section(f"Theta of {one.name}", _TEXT, figures=drawn, text_tables=tables))
+        found.append(_information(settings, one.name, findings))
     return found
+
+
+def _figure(wbm: str, route: str, structure: str, findings: Records) -> Drawing:
+    """Return theta over the height: medians with standard errors, a dot per seed, the truth as a line."""
+    mine = [one for one in findings if (one.get("route"), one.get("wbm")) == (route, wbm)]
+    thetas = [one for one in mine if "theta" in one and one["noise"] != "none"]
+    panels = []
+    for parameter in STRUCTURES[structure].parameters:
+        series = [
+            ThetaSeries(
+                _EXACT, INK, "", _NONE, _NONE, _NONE, line=(np.array(one["heights"]), np.array(one["values"]))
+            )
+            for one in mine
+            if one.get("exact") == parameter.name
+        ]
+        for place, (which, name) in enumerate(THETAS):
+            chosen = [one for one in thetas if (one["theta"], one["parameter"]) == (which, parameter.name)]
+            heights = sorted({one["height"] for one in chosen})
+            at = [[one for one in chosen if one["height"] == height] for height in heights]
+            series.append(
+                ThetaSeries(
+                    name,
+                    PALETTE[place],
+                    "os"[place],
+                    np.array(heights),
+                    np.array([np.median([one["value"] for one in items]) for items in at]),
+                    np.array([_median_error(items) for items in at]),
+                    dots=[(one["height"], one["value"]) for one in chosen],
+                )
+            )
+        panels.append(ThetaPanel(parameter.name, parameter.unit, series))
+    svg = theta_figure(f"study-{wbm}-{structure}", panels)
+    caption = (
+        f"Set {wbm}: movement of theta over the height (thesis Figure 4.8). Median over the seeds with the "
+        "standard error that one seed's data tell; dots: every seed."
+    )
+    return Drawing(Markup(svg), caption)
+
+
+def _median_error(items: Records) -> float:
+    errors = [one["error"] for one in items if one["error"] is not None]
+    return float(np.median(errors)) if errors else float("nan")
+
+
+def _information(settings: SurrogateStudySettings, route: str, findings: Records) -> Section:
+    """Return Table 5.2 in shape, without and with the coupling over time, and what cannot be told."""
+    tables, words = [], []
+    for wbm in settings.sets:
+        mine = [one for one in findings if (one.get("route"), one.get("wbm")) == (route, wbm)]
+        for kind, what in _INFORMATION.items():
+            chosen = [one for one in mine if one.get("information") == kind]
+            names = list(dict.fromkeys(one["parameter"] for one in chosen))
+            rows = []
+            for state in dict.fromkeys(one["state"] for one in chosen):
+                cells = [
+                    _exponent(
+                        [one["value"] for one in chosen if (one["state"], one["parameter"]) == (state, name)]
+                    )
+                    for name in names
+                ]
+                rows.append(TextRow(state, tuple(cells)))
+            if rows:
+                tables.append(TextTable(f"White-box set {wbm}. {what}", "state", names, rows))
+        words += _words(wbm, len(settings.seeds), route, findings)
+    if words:
+        caption = "What the data do not tell, and on how many seeds; in brackets the local model."
+        tables.append(TextTable(caption, "white-box set", ("what", "seeds"), words, prose=True))
+    return Section(f"Fisher information of {route}", _FISHER, text_tables=tables)
+
+
+def _exponent(values: Sequence[float]) -> Cell:
+    middle = float(np.median(values))
+    text = (
+        f"{int(np.floor(np.log10(middle)))}".replace("-", "\N{MINUS SIGN}") if middle > 0.0 else "\N{EN DASH}"
+    )
+    return Cell(text, repr(middle))
+
+
+def _words(wbm: str, seeds: int, route: str, findings: Records) -> list[TextRow]:
+    """Return correlations and remarks, what numbers they hold left out, with the seeds that say so."""
+    counts: Counter[str] = Counter()
+    for one in findings:
+        if one.get("reason") == route and one["wbm"] == wbm:
+            counts.update({_NUMBERS.sub("", line) for line in (*one["correlated"], *one["remarks"])})
+    return [
+        TextRow(wbm, (Cell(line), Cell(f"{count} of {seeds}")))
+        for line, count in counts.most_common()
+        if line
+    ]
 
 
 def _theta_table(wbm: str, noise: str, structure: str, items: Records) -> TextTable:
@@ -73,7 +183,7 @@ def _theta_table(wbm: str, noise: str, structure: str, items: Records) -> TextTa
 
 
 def _theta_cell(items: Records) -> Cell:
-    """Return the median over the seeds, standard error and scatter, and on how many seeds it is at a bound."""
+    """Return the median over the seeds, standard error and scatter, and the bounds it stands at."""
     values = np.array([item["value"] for item in items])
     errors = [item["error"] for item in items if item.get("error") is not None]
     small = []
@@ -98,10 +208,15 @@ def _error_table(wbm: str, items: Records) -> TextTable:
                 chosen = [
                     item["value"]
                     for item in mine
-                    if (item["parameter"], item["height"]) == (parameter, height) and item["value"] is not None
+                    if (item["parameter"], item["height"]) == (parameter, height)
+                    and item["value"] is not None
                 ]
                 worst = number(max(chosen), 3) if len(chosen) > 1 else ""
-                cells.append(Cell(number(float(np.median(chosen)), 3), small=worst) if chosen else Cell("none"))
+                cells.append(
+                    Cell(number(float(np.median(chosen)), 3), small=worst) if chosen else Cell("none")
+                )
             rows.append(TextRow(parameter, tuple(cells)))
-    caption = f"White-box set {wbm}. How far theta is from the exact one [%]: median, below it the worst seed."
+    caption = (
+        f"White-box set {wbm}. How far theta is from the exact one [%]: median, below it the worst seed."
+    )
     return TextTable(caption, "parameter", [f"{height:g} m" for height in points], rows)

@@ -75,13 +75,14 @@ class Verdict:
             if value is not None
         ]
         word = {True: "pass", False: "FAIL", None: "printed"}[self.passed]
-        stretch = f", stretch {self.limit.stretch:g}" if self.limit.stretch is not None else ""
+        if self.limit.stretch is not None:
+            asked.append(f"stretch {self.limit.stretch:g}")
         thesis = f" [thesis {self.limit.thesis:g}]" if self.limit.thesis is not None else ""
         failed = self.passed is False and self.yardstick is not None
         bound = f" (exact linearisations {self.yardstick:.3f})" if failed else ""
         seeds = plural(self.seeds, "seed")
         measured = f"median {self.median:7.3f}  worst {self.worst:7.3f}  ({seeds})"
-        return f"{word:<8}{self.limit.label:<58}{measured}  {', '.join(asked)}{stretch}{thesis}{bound}"
+        return f"{word:<8}{self.limit.label:<62}{measured}  {', '.join(asked)}{thesis}{bound}"
 
 
 def plural(count: int, noun: str) -> str:

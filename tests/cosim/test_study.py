@@ -150,6 +150,29 @@ def test_a_model_that_fails_is_the_worst_and_no_data_never_pass() -> None:
     assert judge(Limit(label="x", where={"wbm": "A"}), [record(seed=1, fit=1.0)]).passed is None
 
 
+def measure(seed: int, value: float | None, **changes: Any) -> dict[str, Any]:
+    return {"measure": "error", "wbm": "A", "seed": seed, "value": value, "unit": "kg", **changes}
+
+
+def test_measures_have_largest_values() -> None:
+    measures = [measure(1, 2.0), measure(1, 3.0), measure(2, 1.0), measure(3, 9.0, wbm="B")]
+    verdict = judge(
+        Limit(label="x", measure="error", where={"wbm": "A"}, median=2.0, worst=3.0), [], measures
+    )
+    assert (verdict.median, verdict.worst, verdict.seeds, verdict.passed) == (2.0, 3.0, 2, True)
+    assert verdict.unit == "kg" and "median <= 2, worst <= 3" in verdict.line()
+    assert judge(Limit(label="x", measure="error", where={}, worst=8.9), [], measures).passed is False
+    assert judge(Limit(label="x", measure="error", where={}, median=2.9), [], measures).passed is False
+
+
+def test_a_measure_that_could_not_be_taken_never_passes() -> None:
+    limit = Limit(label="x", measure="error", where={"wbm": "A"}, worst=5.0)
+    assert judge(limit, [], [measure(1, 1.0), measure(1, None)]).passed is False
+    assert judge(limit, [], []).passed is False
+    with pytest.raises(KeyError, match="mode"):
+        judge(Limit(label="x", measure="error", where={"mode": "L"}), [], [measure(1, 1.0)])
+
+
 def test_a_limit_on_a_field_that_does_not_exist_is_an_error() -> None:
     with pytest.raises(KeyError, match="wmb"):
         judge(Limit(label="x", where={"wmb": "A"}), [])
@@ -163,9 +186,14 @@ def test_colours_go_from_red_over_yellow_to_green() -> None:
 def test_the_settings_that_come_with_a_study_are_valid_and_their_limits_can_be_met(name: str) -> None:
     settings = load_settings(KNOWN[name].settings, STUDIES / f"{name}.toml")
     assert len(settings.seeds) == 8
-    known = {one.name for one in getattr(settings, "configurations", ())}
+    configurations = getattr(settings, "configurations", ())
+    known = {route for one in configurations for route in getattr(one, "routes", (one.name,))}
+    measured = {one.name for one in configurations if getattr(one, "detailed", False)}
     known |= {one.route for one in getattr(settings, "own_operating_point", ())}
     for limit in settings.limits:
+        if limit.measure is not None:
+            assert {limit.where.get("route", *measured)} <= measured
+            continue
         assert {limit.where["route"]} <= known
         assert not limit.less or limit.less["route"] in known
         assert not limit.yardstick or limit.yardstick["route"] in known

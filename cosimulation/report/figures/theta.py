@@ -77,9 +77,9 @@ def theta_figure(name: str, panels: Sequence[ThetaPanel]) -> str:
 
 
 def _draw(axes: Axes, panel: ThetaPanel) -> None:
-    span = max((float(np.ptp(one.heights)) for one in panel.series), default=0.0)
     shown = []
     bars = [one for one in panel.series if one.values.size]
+    span = max((float(np.ptp(one.heights)) for one in bars), default=0.0)
     for index, one in enumerate(panel.series):
         if one.line is not None:
             axes.plot(

@@ -152,7 +152,7 @@ def _one(
         largest = largest or float(density.max())
         first = name == "white-box model"
         axes.semilogy(
-            frequency, density / largest, color=colour, linewidth=2.4 if first else 1.0, linestyle=_DASHES.get(name, "solid"),
-            alpha=0.4 if first else 1.0, label=name,
+            frequency, density / largest, color=colour, linewidth=2.4 if first else 1.0,
+            linestyle=_DASHES.get(name, "solid"), alpha=0.4 if first else 1.0, label=name,
         )  # fmt: skip
     axes.tick_params(labelcolor=MUTED)

@@ -29,14 +29,14 @@ _INFORMATION = {
     "partial": "Without coupling over time, as in the thesis (eq. 5.1-5.2): the state counts as given.",
     "coupled": "With the coupling over time (eq. 5.3): through the whole simulation.",
 }
-_FISHER = """Exponents of ten of the Fisher information of every parameter, in its own unit, in every state, the
-state in its standard deviation about rest; summed over the local models, median over the seeds (thesis
-Table 5.2)."""
+_FISHER = """Exponents of ten of the Fisher information of every parameter, in its own unit, in every state,
+the state in its standard deviation about rest; summed over the local models, median over the seeds
+(thesis Table 5.2)."""
 Records = Sequence[Mapping[str, Any]]
 _TEXT = """Theta of every local model, median over the seeds, beside the chain that behaves exactly as the
 linearised white-box model (chain9). Behind \N{PLUS-MINUS SIGN} the standard error that one seed's data tell
-(median over the seeds), then the scatter over the seeds (standard deviation). The thesis identified another reference from another start: the same letter need
-not be the same number."""
+(median over the seeds), then the scatter over the seeds (standard deviation). The thesis identified another
+reference from another start: the same letter need not be the same number."""
 
 
 def theta_sections(settings: SurrogateStudySettings, findings: Records) -> list[Section]:

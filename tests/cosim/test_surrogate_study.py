@@ -148,7 +148,7 @@ def test_the_page_shows_everything(small: Path) -> None:
         "parameters at a bound",
         "thesis, Table 4.3",
         "exact, linearised white-box model",
-        "scatter",
+        "in brackets the scatter",
         "OP25",
         "mode L",
         "delta_M_dot",
@@ -172,7 +172,7 @@ def test_the_thesis_route_of_the_study_is_that_of_the_code() -> None:
     ("changes", "said"),
     [
         ({"table": "none such"}, "no table none such"),
-        ({"network": {}, "either surrogate or network"),
+        ({"network": {}}, "either surrogate or network"),
         ({"surrogate": None}, "either surrogate or network"),
         ({"models": "linearisation", "detailed": True}, "only identified surrogates"),
         ({"llms": [4, 4]}, "the same model twice: one, A, 4"),

@@ -71,7 +71,8 @@ def drawings(
     if source.data.select("operating_point", "test"):
         spectra = (
             f"Set {source.wbm}, seed {source.seed}: amplitude density at the operating points on fresh data, "
-            "over the largest of the white-box model; shaded: its modes there (thesis Figures 4.16 to 4.18)."
+            "over the largest of the white-box model, and below it that of the models' errors (thin); "
+            "shaded: its modes there (thesis Figures 4.16 to 4.18)."
         )
         svg = _spectra(source, sets, truth)
         found.append({"drawing": "spectra", "svg": svg, "caption": spectra})
@@ -145,6 +146,7 @@ def _one(
     for resonance in resonances:
         axes.axvline(resonance, color="#f1e7c9", linewidth=3.0, zorder=0)
     column, largest = SIGNALS.index(signal), 0.0
+    reference: Array = np.zeros(0)
     for name, (outputs, colour) in curves.items():
         values = outputs[scored_rows(len(outputs)), column]
         with np.errstate(over="ignore", invalid="ignore"):
@@ -155,4 +157,10 @@ def _one(
             frequency, density / largest, color=colour, linewidth=2.4 if first else 1.0,
             linestyle=_DASHES.get(name, "solid"), alpha=0.4 if first else 1.0, label=name,
         )  # fmt: skip
+        if not first:
+            error = values - reference
+            frequency, density = amplitude_density(error, sample_time)
+            axes.semilogy(frequency, density / largest, color=colour, linewidth=0.7, alpha=0.8)
+        else:
+            reference = values
     axes.tick_params(labelcolor=MUTED)

@@ -31,7 +31,7 @@ class Optimum:
 
 def optima_figure(panels: Sequence[tuple[str, Sequence[Optimum]]]) -> Drawing:
     """Return a histogram of where searches end, random starts against the closed form, a panel per set."""
-    edges = np.concatenate([[0.9], np.geomspace(1.0005, _WORST * 1.001, 30)])
+    edges = np.concatenate([[0.75], np.geomspace(1.0005, _WORST * 1.001, 30)])
     with drawing_style():
         figure = new_figure(3.2)
         axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
@@ -51,7 +51,7 @@ def optima_figure(panels: Sequence[tuple[str, Sequence[Optimum]]]) -> Drawing:
             one.xaxis.set_major_locator(LogLocator(10.0))
             one.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             one.xaxis.set_minor_formatter(NullFormatter())
-            one.set_xlim(0.88, _WORST)
+            one.set_xlim(0.7, _WORST)
             one.set_title(f"white-box set {wbm}, {len(runs)} runs", color=INK)
             one.set_xlabel("final error over that of the best start")
         axes[0].set_ylabel("share of the searches [%]")

@@ -21,8 +21,8 @@ from cosimulation.study.surrogate.settings import (
     SurrogateConfiguration,
     SurrogateStudySettings,
 )
-from cosimulation.study.surrogate.theta_sections import theta_sections
-from cosimulation.study.tables import Shown, by_configuration, fit_caption, statistics, with_noise
+from cosimulation.study.surrogate.theta_sections import noise_name, theta_sections
+from cosimulation.study.tables import Shown, by_configuration, fit_caption, statistics
 
 Records = Sequence[Mapping[str, Any]]
 _MODES = """Frequencies of the local models' modes against those of the white-box model linearised at the same
@@ -79,7 +79,7 @@ def _rows(members: Sequence[SurrogateConfiguration], wbm: str) -> Iterator[tuple
         for count in one.llms:
             for noise in one.noises:
                 for route in one.routes:
-                    name = f"{route}, {count} LLM{with_noise(noise)}"
+                    name = f"{route}, {count} LLM{noise_name(noise)}"
                     yield name, (wbm, route, count, noise, "wr_test"), one.models == "linearisation"
 
 
@@ -95,7 +95,7 @@ def _reasons(members: Sequence[SurrogateConfiguration], wbm: str, findings: Reco
             for noise in dict.fromkeys(item["noise"] for item in mine):
                 of_noise = [item for item in mine if item["noise"] == noise]
                 texts = (_recommended(of_noise), _ended(of_noise), _bounds(of_noise), _starts(of_noise))
-                name = f"{one.name}, {count} LLM{with_noise(noise)}"
+                name = f"{one.name}, {count} LLM{noise_name(noise)}"
                 rows.append(TextRow(name, tuple(Cell(text) for text in texts)))
     caption = (
         f"White-box set {wbm}. Why each search stops where it does: parameters at a bound cannot go where "
@@ -146,7 +146,7 @@ def _modes(settings: SurrogateStudySettings, findings: Records) -> Section:
         modes = list(dict.fromkeys(one["mode"] for one in mine))
         rows = []
         for route, noise in dict.fromkeys((one["route"], one["noise"]) for one in mine):
-            rows.append(TextRow(f"{route}{with_noise(noise)}", (), "group"))
+            rows.append(TextRow(f"{route}{noise_name(noise)}", (), "group"))
             for point in dict.fromkeys(one["point"] for one in mine):
                 chosen = [
                     one for one in mine if (one["route"], one["noise"], one["point"]) == (route, noise, point)

@@ -18,13 +18,13 @@ from cosimulation.report.tables import Cell, number, significant
 from cosimulation.report.tables import Row as TextRow
 from cosimulation.study.page import Drawing, Section, TextTable
 from cosimulation.study.surrogate.physics import THETA_ERROR, WHICH
-from cosimulation.study.surrogate.settings import SurrogateStudySettings
+from cosimulation.study.surrogate.settings import ACCEPTANCE_NOISE, SurrogateStudySettings
 from cosimulation.study.tables import with_noise
 from identification.surrogate import STRUCTURES
 
 _EXACT = "exact, linearised white-box model"
 _NONE = np.zeros(0)
-_NUMBERS = re.compile(r" = \S+ \+- \S+( [^ ]+(?= cannot))?| \(correlation [^)]*\)")
+_NUMBERS = re.compile(r"\[\d+\]| = \S+ \+- \S+( [^ ]+(?= cannot))?| \(correlation [^)]*\)")
 _INFORMATION = {
     "partial": "Without coupling over time, as in the thesis (eq. 5.1-5.2): the state counts as given.",
     "coupled": "With the coupling over time (eq. 5.3): through the whole simulation.",
@@ -35,8 +35,15 @@ the state in its standard deviation about rest; summed over the local models, me
 Records = Sequence[Mapping[str, Any]]
 _TEXT = """Theta of every local model, median over the seeds, beside the chain that behaves exactly as the
 linearised white-box model (chain9). Behind \N{PLUS-MINUS SIGN} the standard error that one seed's data tell
-(median over the seeds), then the scatter over the seeds (standard deviation). The thesis identified another
-reference from another start: the same letter need not be the same number."""
+(median over the seeds), in brackets the scatter over the seeds (standard deviation). The thesis identified
+another reference from another start: the same letter need not be the same number."""
+
+
+def noise_name(noise: str) -> str:
+    """Return what is added to the name of a model for noise other than the acceptance recipe's."""
+    if noise == ACCEPTANCE_NOISE:
+        return ""
+    return ", without noise" if noise == "none" else with_noise(noise)
 
 
 def theta_sections(settings: SurrogateStudySettings, findings: Records) -> list[Section]:
@@ -48,13 +55,19 @@ def theta_sections(settings: SurrogateStudySettings, findings: Records) -> list[
         if not one.detailed or one.surrogate is None:
             continue
         tables = []
+        parameters = STRUCTURES[one.surrogate.structure].parameters
+        relative = {parameter.name for parameter in parameters if parameter.scaling == "log"}
         for wbm in settings.sets:
             mine = [item for item in thetas if (item["route"], item["wbm"]) == (one.name, wbm)]
             for noise in one.noises:
                 of_noise = [item for item in mine if item["noise"] == noise]
                 if of_noise and noise != "none":
                     tables.append(_theta_table(wbm, noise, one.surrogate.structure, of_noise))
-            wrong = [item for item in errors if (item["route"], item["wbm"]) == (one.name, wbm)]
+            wrong = [
+                item
+                for item in errors
+                if (item["route"], item["wbm"]) == (one.name, wbm) and item["parameter"] in relative
+            ]
             if wrong:
                 tables.append(_error_table(wbm, wrong))
         drawn = [
@@ -111,7 +124,7 @@ def _median_error(items: Records) -> float:
 
 def _information(settings: SurrogateStudySettings, route: str, findings: Records) -> Section:
     """Return Table 5.2 in shape, without and with the coupling over time, and what cannot be told."""
-    tables, words = [], []
+    tables = []
     for wbm in settings.sets:
         mine = [one for one in findings if (one.get("route"), one.get("wbm")) == (route, wbm)]
         for kind, what in _INFORMATION.items():
@@ -128,10 +141,14 @@ def _information(settings: SurrogateStudySettings, route: str, findings: Records
                 rows.append(TextRow(state, tuple(cells)))
             if rows:
                 tables.append(TextTable(f"White-box set {wbm}. {what}", "state", names, rows))
-        words += _words(wbm, len(settings.seeds), route, findings)
+    words = _words(settings.sets, route, findings)
     if words:
-        caption = "What the data do not tell, and on how many seeds; in brackets the local model."
-        tables.append(TextTable(caption, "white-box set", ("what", "seeds"), words, prose=True))
+        caption = (
+            "What the data do not tell after output error, and of how many local models over all seeds: "
+            "correlations of 0.95 and more, and remarks."
+        )
+        columns = [f"set {wbm}" for wbm in settings.sets]
+        tables.append(TextTable(caption, "what", columns, words))
     return Section(f"Fisher information of {route}", _FISHER, text_tables=tables)
 
 
@@ -143,16 +160,19 @@ def _exponent(values: Sequence[float]) -> Cell:
     return Cell(text, repr(middle))
 
 
-def _words(wbm: str, seeds: int, route: str, findings: Records) -> list[TextRow]:
-    """Return correlations and remarks, what numbers they hold left out, with the seeds that say so."""
-    counts: Counter[str] = Counter()
+def _words(sets: Sequence[str], route: str, findings: Records) -> list[TextRow]:
+    """Return correlations and remarks without their numbers, and for how many local models they hold."""
+    counts: dict[str, Counter[str]] = {wbm: Counter() for wbm in sets}
+    totals: Counter[str] = Counter()
     for one in findings:
-        if one.get("reason") == route and one["wbm"] == wbm:
-            counts.update({_NUMBERS.sub("", line) for line in (*one["correlated"], *one["remarks"])})
+        lines = (*one["correlated"], *one["remarks"]) if one.get("reason") == route else ()
+        if lines:
+            totals[one["wbm"]] += one["llms"]
+            counts[one["wbm"]].update(_NUMBERS.sub("", line) for line in lines)
+    order = sum(counts.values(), Counter())
     return [
-        TextRow(wbm, (Cell(line), Cell(f"{count} of {seeds}")))
-        for line, count in counts.most_common()
-        if line
+        TextRow(line, tuple(Cell(f"{counts[wbm][line]} of {totals[wbm]}") for wbm in sets))
+        for line, _ in order.most_common()
     ]
 
 
@@ -179,7 +199,7 @@ def _theta_table(wbm: str, noise: str, structure: str, items: Records) -> TextTa
             cells = [Cell(number(value), repr(value)) for value in published]
             rows.append(TextRow(f"thesis, Table 4.3{unit}", tuple(cells), "thesis"))
     columns = [f"LLM {index + 1}, {height:g} m" for index, height in enumerate(heights)]
-    return TextTable(f"White-box set {wbm}{with_noise(noise)}.", "parameter", columns, rows)
+    return TextTable(f"White-box set {wbm}{noise_name(noise)}.", "parameter", columns, rows)
 
 
 def _theta_cell(items: Records) -> Cell:
@@ -190,10 +210,10 @@ def _theta_cell(items: Records) -> Cell:
     if errors:
         small.append(f"\N{PLUS-MINUS SIGN} {significant(float(np.median(errors)), 3)}")
     if len(values) > 1:
-        small.append(f"scatter {significant(float(values.std(ddof=1)), 3)}")
+        small.append(f"({significant(float(values.std(ddof=1)), 3)})")
     bounds = sorted({item["bound"] for item in items if item["bound"]})
     value = float(np.median(values))
-    return Cell(significant(value), repr(value), small=", ".join(small), note=" and ".join(bounds))
+    return Cell(significant(value), repr(value), small=" ".join(small), note=" and ".join(bounds))
 
 
 def _error_table(wbm: str, items: Records) -> TextTable:
@@ -201,7 +221,7 @@ def _error_table(wbm: str, items: Records) -> TextTable:
     rows = []
     for noise, which in dict.fromkeys((item["noise"], item["which"]) for item in items):
         mine = [item for item in items if (item["noise"], item["which"]) == (noise, which)]
-        rows.append(TextRow(f"{which} theta{with_noise(noise) or ', without noise'}", (), "group"))
+        rows.append(TextRow(f"{which} theta{noise_name(noise)}", (), "group"))
         for parameter in dict.fromkeys(item["parameter"] for item in mine):
             cells = []
             for height in points:
@@ -217,6 +237,7 @@ def _error_table(wbm: str, items: Records) -> TextTable:
                 )
             rows.append(TextRow(parameter, tuple(cells)))
     caption = (
-        f"White-box set {wbm}. How far theta is from the exact one [%]: median, below it the worst seed."
+        f"White-box set {wbm}. How far theta is from the exact one [%]: median, below it the worst seed; "
+        "parameters that cannot be zero."
     )
     return TextTable(caption, "parameter", [f"{height:g} m" for height in points], rows)

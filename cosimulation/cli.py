@@ -205,7 +205,7 @@ def validate(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="order or blending.", show_default=False)],
+    name: Annotated[str, typer.Argument(help="order, blending or surrogate.", show_default=False)],
     settings: Annotated[
         Path | None,
         typer.Option(help="Settings file that stands in for the one that comes with it.", show_default=False),

@@ -317,10 +317,10 @@ def _diagnostics(result: surrogates.SurrogateResult) -> dict[str, Any]:
     which, parameters = result.recommended, result.structure.parameters
     errors = result.standard_errors(which)
     thetas = {
-        f"theta at {result.local.place(index)}": {
-            parameter.name: _with_error(value, error, parameter.unit)
+        f"theta at {result.local.place(index)}": ", ".join(
+            f"{parameter.name} = {_with_error(value, error, parameter.unit)}"
             for parameter, value, error in zip(parameters, row, errors[index], strict=True)
-        }
+        )
         for index, row in enumerate(result.theta(which).tolist())
     }
     return {

@@ -287,3 +287,18 @@ def test_noise_and_one_local_model_go_the_same_way(blow: WholePath, tmp_path: Pa
             IdentificationError, match=r"n4sid\.operating_point\.eta: 1.5 lies outside .* 1\.6"
         ):
             identify_from_folder(given)
+
+
+def test_a_surrogate_tells_how_sure_it_is(folder: Path, tmp_path: Path) -> None:
+    files = {"output": tmp_path / "s.json", "page": tmp_path / "page.html"}
+    result = identify_from_folder(settings(folder, method="surrogate", **files))
+    found = result.surrogate
+    assert found is not None and found.certainty is not None
+    text = result.text()
+    assert "theta at eta = 0.75: m_H = " in text and f"\ntheta: {found.recommended} (" in text
+    error = float(found.standard_errors(found.recommended)[1, 2])
+    assert f"k_L = {found.theta(found.recommended)[1, 2]:.6g} +- {error:.2g} N/m" in text
+    for line in (*found.correlated(), *found.certainty.remarks):
+        assert line in text
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Physical parameters" in page and 'id="theta-surrogate-' in page

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -162,7 +163,7 @@ def test_the_page_stays_small_and_names_no_place(page: str) -> None:
 
 def test_every_figure_has_words(page: str) -> None:
     pictures = [found for tag, found in read(page).attributes if tag == "svg"]
-    assert len(pictures) == 1 + 2 * 5
+    assert len(pictures) == 1 + 2 * 6
     assert all(found.get("role") == "img" and len(found.get("aria-label") or "") > 40 for found in pictures)
 
 
@@ -362,3 +363,31 @@ def test_warnings_of_several_models_are_told_once(result: DemoResult) -> None:
     assert all(f"warning: Blow, {text}\n" in doubtful.text() for text in told)
     page = render(doubtful)
     assert all(page.count(one.what) == 1 for one in (shared, own))
+
+
+def test_theta_stands_with_its_standard_errors_and_what_is_not_told(page: str, result: DemoResult) -> None:
+    (candidate,) = [one for one in result.sets[0].candidates if one.surrogate is not None]
+    found = candidate.surrogate
+    assert found is not None and found.certainty is not None
+    section = page[page.index('<section id="surrogate">') : page.index('<section id="speed">')]
+    shown = unescape(re.sub("<[^>]+>", " ", section))
+    for which in ("physical", "tuned"):
+        errors = found.standard_errors(which)
+        assert np.isfinite(errors).any()
+        for value in errors[np.isfinite(errors)]:
+            assert f"\N{PLUS-MINUS SIGN} {significant(float(value), 3)}" in shown
+    for line in (*found.correlated(), *found.certainty.remarks):
+        assert " ".join(line.split()) in " ".join(shown.split())
+
+
+def test_pairs_that_move_together_are_named(result: DemoResult) -> None:
+    (candidate,) = [one for one in result.sets[0].candidates if one.surrogate is not None]
+    found = candidate.surrogate
+    assert found is not None and found.certainty is not None
+    table = np.tile(np.eye(8), (4, 1, 1))
+    table[2, 1, 4] = table[2, 4, 1] = -0.97
+    table[0, 0, 3] = table[0, 3, 0] = 0.9
+    told = replace(found, certainty=replace(found.certainty, correlations=table))
+    assert told.correlated() == ("m_M[3] and b_M[3]: one rises as the other falls (correlation -0.970)",)
+    assert told.correlated(0.9)[0] == "m_H[1] and c_L[1]: rise together (correlation 0.900)"
+    assert replace(found, certainty=None).correlated() == ()

@@ -70,6 +70,7 @@ STEADY_GAIN = 1e-10  # of the largest of its row: two linear solves of condition
 OCTAVE_POLE = 1e-4  # in the z plane: two estimators on the same 20 s of noisy data; 1e-5 is reached
 OUTPUT_PARTITION = 0.01  # m/m: the contact spring takes up what the force at rest changes with the height
 SCATTER = 0.3  # natural log: 50 seeds know a standard deviation to 10 %, the largest of 16 to 25 %
+FEW_SEEDS = 0.7  # natural log: 12 seeds know a standard deviation to 21 %, the largest of 8 to 60 %
 JACKKNIFE = (
     0.7  # natural log: ten groups know a standard deviation to 25 %, 12 seeds to 20 %, of eight the largest
 )

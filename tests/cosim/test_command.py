@@ -154,7 +154,13 @@ def test_demo_refuses_an_output_it_cannot_write(tmp_path: Path) -> None:
 def test_control_c_leaves_nothing_half_written(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
-        [*LLMN, "demo"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+        [*LLMN, "demo"],
+        cwd=tmp_path,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        # a test run in the background of a script ignores the signal, and its children would, too
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert process.stderr is not None
     for line in process.stderr:

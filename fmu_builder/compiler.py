@@ -8,7 +8,6 @@ from __future__ import annotations
 import atexit
 import ctypes
 import functools
-import hashlib
 import os
 import platform as host
 import re
@@ -17,13 +16,16 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
+from fmu_builder.compiled_cache import keep, kept, key_of
 from fmu_builder.errors import BuildError, OutputError
-from fmu_builder.files import written_atomically
+from fmu_builder.files import write_bytes
+from fmu_builder.universal_library import universal_library
 
 FREESTANDING = Path(__file__).parent / "freestanding"
 _HIDDEN_EXPORT = '__attribute__((visibility("default")))'
@@ -31,6 +33,7 @@ _WINDOWS_EXPORT = "__declspec(dllexport)"
 _FLAGS = (
     *("-std=c99", "-O2", "-g0", "-s", "-shared", "-nostdlib", "-ffreestanding", "-fno-builtin"),
     *("-fvisibility=hidden", "-fno-stack-protector", "-fno-sanitize=undefined"),
+    *("-fno-asynchronous-unwind-tables", "-fno-unwind-tables"),  # nothing here throws
     *("-ffp-contract=off", "-fno-math-errno"),  # the same bits on every platform
     *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"),
     *(
@@ -55,12 +58,14 @@ class Target:
         suffix: Ending of a shared library there.
         flags: What this platform needs beside the common flags; `{output}` stands for the file name.
         export: What the macro EXPORTED expands to.
+        others: Platforms whose code goes into the same file, which then is a universal one of macOS.
     """
 
     triple: str
     suffix: str
     flags: tuple[str, ...]
     export: str
+    others: tuple[str, ...] = ()
 
 
 TARGETS: Mapping[str, Target] = {
@@ -70,7 +75,9 @@ TARGETS: Mapping[str, Target] = {
     "win64": Target("x86_64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
     "win32": Target("x86-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
     "aarch64-windows": Target("aarch64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
-    "darwin64": Target("x86_64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT),
+    "darwin64": Target(
+        "x86_64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT, others=("aarch64-darwin",)
+    ),
     "aarch64-darwin": Target("aarch64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT),
 }
 """FMI 2.0 platform folder -> how to build for it."""
@@ -161,6 +168,116 @@ def _first_lines(text: str) -> str:
     return "\n  ".join(lines[:_SHOWN_LINES] + ([f"... and {left} more lines"] if left > 0 else []))
 
 
+@dataclass(frozen=True)
+class _Job:
+    """What is compiled, but for the platform."""
+
+    unity: Path
+    stem: str  # of the library's file name, which goes into it on Windows and macOS
+    include: tuple[Path, ...]
+    defines: Mapping[str, str]
+    system_include: tuple[Path, ...]
+
+    def key(self, platform: str, file_name: str) -> str:
+        """Return the hash of all that the library's bytes depend on."""
+        parts = [_zig()[1], *_flags(platform, file_name, self.defines)]
+        files = [
+            *source_files(self.unity, self.include),
+            *((path.name, path) for path in sorted(FREESTANDING.iterdir()) if path.is_file()),
+            *((path.name, path) for folder in self.system_include for path in sorted(folder.glob("*.h"))),
+        ]
+        contents = (part for name, path in files for part in (name.encode(), path.read_bytes()))
+        return key_of((*(text.encode() for text in parts), *contents))
+
+
+def _one_processor(job: _Job, platform: str) -> bytes:
+    """Return the library for the processor of a platform, from the cache when it has been made before."""
+    file_name = job.stem + TARGETS[platform].suffix
+    folder, key = cache_folder() / "libraries", job.key(platform, file_name)
+    content = kept(folder, key)
+    if content is None:
+        content = _compiled(job, platform, file_name)
+        keep(folder, key, content)
+    return content
+
+
+def _compiled(job: _Job, platform: str, file_name: str) -> bytes:
+    """Call the compiler."""
+    program, _ = _zig()
+    with tempfile.TemporaryDirectory(prefix="llmn-compile-") as folder:
+        (Path(folder) / "out").mkdir()
+        headers = (*job.system_include, FREESTANDING)
+        command = [
+            *(str(program), "cc"),
+            *_flags(platform, file_name, job.defines),
+            *(f"-I{path.resolve()}" for path in job.include),
+            *(part for path in headers for part in ("-isystem", str(path.resolve()))),
+            *(str(job.unity.resolve()), str(FREESTANDING / "runtime.c")),
+            *("-o", file_name),
+        ]
+        environment = {**_environment(), "ZIG_LOCAL_CACHE_DIR": str(Path(folder) / "zig")}
+        where = Path(folder) / "out"
+        try:
+            run = subprocess.run(
+                command, cwd=where, env=environment, capture_output=True, text=True, errors="replace"
+            )
+        except OSError as reason:
+            mend = "Reinstall it with: python -m pip install --force-reinstall ziglang==0.17.1"
+            raise BuildError.of(str(program), f"the compiler cannot be run ({reason})", mend) from reason
+        library = where / file_name
+        if run.returncode != 0 or not library.is_file():
+            complaint = run.stderr.replace(f"{job.unity.resolve().parent}{os.sep}", "")
+            what = f"does not compile for {platform}:\n  {_first_lines(complaint)}"
+            raise BuildError.of(str(job.unity), what, "Mend the C source at the place named above")
+        return library.read_bytes()
+
+
+def compile_shared_libraries(
+    unity: Path,
+    stem: str,
+    platforms: Sequence[str],
+    include: Sequence[Path] = (),
+    defines: Mapping[str, str] | None = None,
+    system_include: Sequence[Path] = (),
+) -> dict[str, bytes]:
+    """Compile one C file that includes all others to freestanding shared libraries, several at a time.
+
+    Exported is what the source marks: `EXPORTED` expands to the platform's mark, FMI2_Export likewise. The
+    bytes depend on the sources, the flags and the file name only, not on any folder. What has been compiled
+    before comes from the user's cache folder, where it is kept under a hash of all that.
+
+    Args:
+        unity: The C file to compile.
+        stem: File name of the libraries without its ending; it goes into them on Windows and macOS.
+        platforms: Keys of `TARGETS`.
+        include: Folders searched by `#include`.
+        defines: Preprocessor definitions.
+        system_include: Folders with headers of others: searched after `include`, their warnings ignored.
+
+    Returns:
+        Platform -> content of the library.
+
+    Raises:
+        BuildError: Unknown platform, no compiler, or the source does not compile (with its first lines).
+    """
+    for platform in platforms:
+        if platform not in TARGETS:
+            raise BuildError.of(f"platform {platform}", "is not known", f"Use one of: {', '.join(TARGETS)}")
+    if not unity.is_file():
+        raise BuildError.of(str(unity), "this C source does not exist", "Give the path of the unity file")
+    job = _Job(unity, stem, tuple(include), dict(defines or {}), tuple(system_include))
+    parts = {platform: (platform, *TARGETS[platform].others) for platform in platforms}
+    wanted = list(dict.fromkeys(part for chosen in parts.values() for part in chosen))
+    _zig()
+    cache_folder()
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        made = dict(zip(wanted, pool.map(lambda part: _one_processor(job, part), wanted), strict=True))
+    return {
+        platform: universal_library([made[part] for part in chosen]) if len(chosen) > 1 else made[platform]
+        for platform, chosen in parts.items()
+    }
+
+
 def compile_shared_library(
     unity: Path,
     output: Path,
@@ -169,51 +286,14 @@ def compile_shared_library(
     defines: Mapping[str, str] | None = None,
     system_include: Sequence[Path] = (),
 ) -> None:
-    """Compile one C file that includes all others to a freestanding shared library.
-
-    Exported is what the source marks: `EXPORTED` expands to the platform's mark, FMI2_Export likewise. The
-    bytes depend on the sources, the flags and the file name of `output` only, not on any folder.
-
-    Args:
-        unity: The C file to compile.
-        output: The library to write; its file name goes into it on Windows and macOS.
-        platform: A key of `TARGETS`.
-        include: Folders searched by `#include`.
-        defines: Preprocessor definitions.
-        system_include: Folders with headers of others: searched after `include`, their warnings ignored.
+    """Write one library of `compile_shared_libraries`; the file name of `output` goes into it.
 
     Raises:
-        BuildError: Unknown platform, no compiler, or the source does not compile (with its first lines).
+        BuildError: See there.
         OutputError: `output` cannot be written.
     """
-    if platform not in TARGETS:
-        raise BuildError.of(f"platform {platform}", "is not known", f"Use one of: {', '.join(TARGETS)}")
-    if not unity.is_file():
-        raise BuildError.of(str(unity), "this C source does not exist", "Give the path of the unity file")
-    program, _ = _zig()
-    with tempfile.TemporaryDirectory(prefix="llmn-compile-") as folder:
-        command = [
-            *(str(program), "cc"),
-            *_flags(platform, output.name, defines or {}),
-            *(f"-I{path.resolve()}" for path in include),
-            *(part for path in (*system_include, FREESTANDING) for part in ("-isystem", str(path.resolve()))),
-            *(str(unity.resolve()), str(FREESTANDING / "runtime.c")),
-            *("-o", output.name),
-        ]
-        try:
-            run = subprocess.run(
-                command, cwd=folder, env=_environment(), capture_output=True, text=True, errors="replace"
-            )
-        except OSError as reason:
-            mend = "Reinstall it with: python -m pip install --force-reinstall ziglang==0.17.1"
-            raise BuildError.of(str(program), f"the compiler cannot be run ({reason})", mend) from reason
-        library = Path(folder) / output.name
-        if run.returncode != 0 or not library.is_file():
-            complaint = run.stderr.replace(f"{unity.resolve().parent}{os.sep}", "")
-            what = f"does not compile for {platform}:\n  {_first_lines(complaint)}"
-            raise BuildError.of(str(unity), what, "Mend the C source at the place named above")
-        with written_atomically(output) as temporary:
-            shutil.copyfile(library, temporary)
+    made = compile_shared_libraries(unity, output.stem, (platform,), include, defines, system_include)
+    write_bytes(output, made[platform])
 
 
 def run_compiler(
@@ -271,7 +351,7 @@ def load_native(
 ) -> ctypes.CDLL:
     """Compile a C source for this machine, once per content, and load it.
 
-    The library is kept in the user's cache folder under a hash of sources, flags and compiler version.
+    The library is kept in the user's cache folder; a file there that is not what was compiled is replaced.
 
     Args:
         name: What the library is called, for people who look into the cache.
@@ -285,20 +365,16 @@ def load_native(
     platform = host_platform()
     if not unity.is_file():
         raise BuildError.of(str(unity), "this C source does not exist", "Reinstall the package")
-    digest = hashlib.sha256()
-    parts = [_zig()[1], *_flags(platform, name, defines or {})]
-    files = [*source_files(unity, include), *((path.name, path) for path in sorted(FREESTANDING.iterdir()))]
-    for part in (*(text.encode() for text in parts), *(p.read_bytes() for _, p in files if p.is_file())):
-        digest.update(len(part).to_bytes(8, "little") + part)
-    library = cache_folder() / "native" / f"{name}-{digest.hexdigest()[:24]}{TARGETS[platform].suffix}"
-    if not library.is_file():
+    content = _one_processor(_Job(unity, name, tuple(include), dict(defines or {}), ()), platform)
+    file_name = f"{name}-{key_of((content,))[:24]}{TARGETS[platform].suffix}"
+    library = cache_folder() / "native" / file_name
+    if not (library.is_file() and library.read_bytes() == content):
         try:
-            compile_shared_library(unity, library, platform, include, defines)
+            write_bytes(library, content)
         except OutputError:
-            library = _temporary_folder() / library.name
-            compile_shared_library(unity, library, platform, include, defines)
+            library = write_bytes(_temporary_folder() / file_name, content)
     try:
         return ctypes.CDLL(str(library))
     except OSError as reason:
         what = f"the compiled library does not load ({reason})"
-        raise BuildError.of(str(library), what, "Delete this file and try again") from reason
+        raise BuildError.of(str(library), what, "Give a folder that libraries may be loaded from") from reason

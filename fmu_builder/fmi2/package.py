@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 
-from fmu_builder.compiler import TARGETS, compile_shared_library, source_files
+from fmu_builder.compiler import TARGETS, compile_shared_libraries, source_files
 from fmu_builder.errors import BuildError, Problem
 from fmu_builder.files import written_atomically
 from fmu_builder.fmi2.description import UNITY_NAME, model_description
@@ -19,7 +19,9 @@ from fmu_builder.fmi2.interface import Interface
 C_FOLDER = Path(__file__).parent / "c"
 """The slave and the FMI functions, for the include path of a unity file."""
 
-DEFAULT_PLATFORMS = ("linux64", "win64")
+DEFAULT_PLATFORMS = tuple(TARGETS)
+"""All that can be built for."""
+
 _FIXED_DATE = (1980, 1, 1, 0, 0, 0)
 _FILE_MODE = 0o100644
 _BINARY_MODE = 0o100755
@@ -80,24 +82,24 @@ def _collect_sources(unity: Path, include: Sequence[Path], generated: Mapping[st
 def _compile(interface: Interface, sources: Mapping[str, str], platforms: Sequence[str]) -> dict[str, bytes]:
     """Return archive name -> binary, compiled from exactly what goes into `sources/`."""
     headers = fmi_headers()
-    binaries = {}
     with tempfile.TemporaryDirectory(prefix="llmn-build-") as folder:
         for name, text in sources.items():
             path = Path(folder) / "sources" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8", newline="\n")
-        for platform in platforms:
-            target = TARGETS[platform]
-            library = Path(folder) / platform / (interface.model_identifier + target.suffix)
-            unity = Path(folder) / "sources" / UNITY_NAME
-            try:
-                compile_shared_library(unity, library, platform, (unity.parent,), system_include=(headers,))
-            except BuildError as error:  # the folder is gone when somebody reads this
-                place = f"{interface.model_identifier}.fmu, sources/{UNITY_NAME}"
-                found = error.problems
-                raise BuildError(Problem(place, problem.what, problem.mend) for problem in found) from error
-            binaries[f"binaries/{platform}/{library.name}"] = library.read_bytes()
-    return binaries
+        unity = Path(folder) / "sources" / UNITY_NAME
+        try:
+            made = compile_shared_libraries(
+                unity, interface.model_identifier, platforms, (unity.parent,), system_include=(headers,)
+            )
+        except BuildError as error:  # the folder is gone when somebody reads this
+            place = f"{interface.model_identifier}.fmu, sources/{UNITY_NAME}"
+            found = error.problems
+            raise BuildError(Problem(place, problem.what, problem.mend) for problem in found) from error
+    return {
+        f"binaries/{platform}/{interface.model_identifier}{TARGETS[platform].suffix}": content
+        for platform, content in made.items()
+    }
 
 
 def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:

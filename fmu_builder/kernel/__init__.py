@@ -12,8 +12,9 @@ from fmu_builder.kernel.chain_parameters import (
     ChainParameter,
 )
 from fmu_builder.kernel.native import SOURCES, Network, simulate, static_outputs, validities
+from fmu_builder.kernel.node_models import BlendedNodes, blended_nodes
 from fmu_builder.kernel.table_writer import tables_header, theta_header
-from fmu_builder.kernel.tables import Tables, tables_of, with_validity
+from fmu_builder.kernel.tables import Tables, tables_of, with_validity, without_arrays
 
 __all__ = [
     "CHAINS",
@@ -24,10 +25,12 @@ __all__ = [
     "LARGEST_CONTACT_STIFFNESS",
     "LEAST_CONTACT_STIFFNESS",
     "SOURCES",
+    "BlendedNodes",
     "Chain",
     "ChainParameter",
     "Network",
     "Tables",
+    "blended_nodes",
     "chain_of",
     "simulate",
     "static_outputs",
@@ -37,4 +40,5 @@ __all__ = [
     "validities",
     "with_parameters",
     "with_validity",
+    "without_arrays",
 ]

@@ -28,7 +28,7 @@ def library() -> ctypes.CDLL:
     """
     loaded = load_native("llmn_kernel", SOURCES / "host.c", include=(SOURCES,))
     loaded.llmn_feedthrough.restype = ctypes.c_double
-    for name in ("llmn_tick", "llmn_outputs", "llmn_weights", "llmn_static_map"):
+    for name in ("llmn_tick", "llmn_outputs", "llmn_weights", "llmn_static_map", "llmn_nodes"):
         getattr(loaded, name).restype = None
     return loaded
 

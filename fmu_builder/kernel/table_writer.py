@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from fmu_builder.kernel.chain import Chain
 from fmu_builder.kernel.chain_parameters import CONTACT_STIFFNESS
@@ -12,11 +12,17 @@ from fmu_builder.parameter_set import ParameterSet
 _PER_LINE = 4
 
 
-def tables_header(tables: Tables) -> str:
-    """Return the text of tables.h: `static const Tables tables`, and its sizes as `TABLES_...` constants."""
+def tables_header(tables: Tables, made: Mapping[str, int] | None = None) -> str:
+    """Return the text of tables.h: `static const Tables tables`, and its sizes as `TABLES_...` constants.
+
+    Args:
+        tables: The numbers.
+        made: Name of an array -> numbers per node that the FMU makes itself, as `NODE_...` constants.
+    """
     lines = ["/* The numbers of one network; written by a program. Struct and meaning: kernel.h. */", ""]
     sizes = {**tables.sizes, "state_size": tables.state_size}
     lines += ["enum {", *(f"    TABLES_{name.upper()} = {sizes[name]}," for name in (*SIZES, "state_size"))]
+    lines += [f"    NODE_{name.upper()} = {count}," for name, count in (made or {}).items()]
     lines[-1] = lines[-1].rstrip(",")
     lines += ["};", "", f"#define TABLES_SAMPLE_TIME {float(tables.sample_time)!r} /* s */", ""]
     for name in ARRAYS:

@@ -16,16 +16,20 @@ Array = NDArray[np.float64]
 _OFFSETS = ("none", "affine", "low_pass", "scheduled_equilibrium")  # OFFSETS_... of kernel.h
 
 SIZES = (
-    *("states", "inputs", "outputs", "derived", "local_models", "models", "nodes", "map_points"),
+    *("states", "inputs", "outputs", "derived", "local_models", "models", "output_models"),
+    *("nodes", "map_points"),
     *("blending", "offsets", "scheduling", "feedthrough", "deviation_output"),
 )
+MODEL_ARRAYS = ("A", "B", "C", "D", "g", "x0", "u0", "y0")
+"""One row per model; of C one row where it is the same in all."""
+
 NUMBERS = (
     *("range_low", "range_high", "range_middle", "low_pass_gain", "node_scale", "map_scale"),
     "deviation_gain",
 )
 ARRAYS = (
     *("log_weights", "node_positions", "node_weights", "map_positions", "map_values"),
-    *("A", "B", "C", "D", "g", "x0", "u0", "y0"),
+    *MODEL_ARRAYS,
     *("input_operating_point", "output_operating_point", "input_minimum", "input_maximum"),
     "term_coefficients",
 )
@@ -94,13 +98,14 @@ def tables_of(parameter_set: ParameterSet) -> Tables:
     models = parameter_set.local_models if node_table is None or output_blending else node_table.models
     nodes = () if node_table is None else node_table.positions
     points = () if offsets.static_map is None else offsets.static_map.positions
-    arrays = {name: np.zeros(0) for name in ARRAYS} | _model_arrays(models) | _signal_arrays(parameter_set)
+    arrays = {name: np.zeros(0) for name in ARRAYS} | model_arrays(models) | _signal_arrays(parameter_set)
     if node_table is None:
         arrays["log_weights"] = _flat(log_weight_coefficients(partition))
     else:
         arrays |= {"node_positions": _flat(nodes), "node_weights": _flat(node_table.weights)}
     if offsets.static_map is not None:
         arrays |= {"map_positions": _flat(points), "map_values": _flat(offsets.static_map.values)}
+    output_sizes = _without_repetition(arrays, len(models))
     coefficients, indices = _terms(parameter_set)
     frequency = offsets.corner_frequency
     return Tables(
@@ -112,12 +117,12 @@ def tables_of(parameter_set: ParameterSet) -> Tables:
             "derived": len(parameter_set.derived_outputs),
             "local_models": len(parameter_set.local_models),
             "models": len(models),
+            **output_sizes,
             "nodes": len(nodes),
             "map_points": len(points),
             "blending": 0 if output_blending else 1,
             "offsets": _OFFSETS.index(offsets.kind),
             "scheduling": parameter_set.scheduling_index,
-            "feedthrough": int(arrays["D"].any()),
             "deviation_output": _deviation_index(parameter_set),
         },
         numbers={
@@ -160,7 +165,13 @@ def with_validity(
         columns = values.transpose(0, 2, 1) if values.ndim == 3 else values
         arrays[name] = np.ascontiguousarray(columns).ravel()
     numbers = {**tables.numbers, "deviation_gain": partition.deviation_gain}
-    return replace(tables, numbers=numbers, arrays={**tables.arrays, **arrays})
+    output_sizes = _without_repetition(arrays, tables.sizes["models"]) if node_models else {}
+    return replace(tables, sizes={**tables.sizes, **output_sizes}, numbers=numbers, arrays={**tables.arrays, **arrays})
+
+
+def without_arrays(tables: Tables, names: Sequence[str]) -> Tables:
+    """Return tables whose arrays of these names are empty: what an FMU makes itself."""
+    return replace(tables, arrays={**tables.arrays, **{name: np.zeros(0) for name in names}})
 
 
 def _deviation_index(parameter_set: ParameterSet) -> int:
@@ -177,7 +188,9 @@ def _scale(positions: Sequence[float]) -> float:
     return (len(positions) - 1) / (positions[-1] - positions[0]) if positions else 0.0
 
 
-def _model_arrays(models: Sequence[LocalLinearModel]) -> dict[str, Array]:
+def model_arrays(models: Sequence[LocalLinearModel]) -> dict[str, Array]:
+    """Return the arrays of `MODEL_ARRAYS` that the models have, matrices by columns: A[model][column][row]."""
+
     def by_columns(of: Callable[[LocalLinearModel], Sequence[Sequence[float]]]) -> Array:
         return np.ascontiguousarray(np.array([of(model) for model in models]).transpose(0, 2, 1).ravel())
 
@@ -192,6 +205,18 @@ def _model_arrays(models: Sequence[LocalLinearModel]) -> dict[str, Array]:
         if None not in vectors:
             arrays[name] = _flat(vectors)
     return arrays
+
+
+def _without_repetition(arrays: dict[str, Array], models: int) -> dict[str, int]:
+    """Keep one C where all models have the same, and no D where all are zero; return the sizes that tell."""
+    rows = np.ascontiguousarray(arrays["C"].reshape(models, -1))
+    if all(row.tobytes() == rows[0].tobytes() for row in rows):
+        rows = rows[:1]
+    feedthrough = bool(arrays["D"].any())
+    arrays["C"] = rows.ravel()
+    if not feedthrough:
+        arrays["D"] = np.zeros(0)
+    return {"output_models": len(rows), "feedthrough": int(feedthrough)}
 
 
 def _signal_arrays(parameter_set: ParameterSet) -> dict[str, Array]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu
-from fmu_builder.kernel import SOURCES, chain_of, tables_header, tables_of, theta_header
+from fmu_builder.kernel import SOURCES, blended_nodes, chain_of, tables_header, tables_of, theta_header, without_arrays
 from fmu_builder.llmn_fmu.card import model_card
 from fmu_builder.llmn_fmu.variables import interface
 from fmu_builder.parameter_set import ParameterSet
@@ -42,10 +42,7 @@ def build_llmn(
         OutputError: `output` cannot be written.
     """
     shown = interface(parameter_set, model_identifier)
-    headers, unity = {"tables.h": tables_header(tables_of(parameter_set))}, "all.c"
-    chain = chain_of(parameter_set)
-    if chain is not None:
-        headers["theta_tables.h"], unity = theta_header(parameter_set, chain), "surrogate.c"
+    unity, headers = _network_headers(parameter_set)
     return build_fmu(
         shown,
         parameter_set.model_hash(),
@@ -57,3 +54,18 @@ def build_llmn(
         resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8")},
         documentation={"index.html": model_card(parameter_set, shown).encode("utf-8")},
     )
+
+
+def _network_headers(parameter_set: ParameterSet) -> tuple[str, dict[str, str]]:
+    """Return the unity file, and the headers of numbers.
+
+    Models at the nodes are left out where the FMU can make them, of physical parameters or of local models.
+    """
+    chain, blend = chain_of(parameter_set), blended_nodes(parameter_set)
+    if chain is not None:
+        numbers = tables_header(without_arrays(tables_of(parameter_set), ("A", "B", "g")))
+        headers = {"tables.h": numbers, "theta_tables.h": theta_header(parameter_set, chain)}
+        return "surrogate.c", headers
+    if blend is not None:
+        return "blended.c", {"tables.h": tables_header(blend.tables, blend.numbers)}
+    return "all.c", {"tables.h": tables_header(tables_of(parameter_set))}

@@ -1,7 +1,9 @@
 /* Text for the logger without a C library. Too long a text is cut. */
 
 /* What only runs when something is said: kept small and out of the way of what runs in every step. */
-#if defined(__GNUC__)
+#if defined(__clang__)
+#define COLD __attribute__((cold, noinline, minsize))
+#elif defined(__GNUC__)
 #define COLD __attribute__((cold, noinline))
 #else
 #define COLD

@@ -3,8 +3,8 @@
    slave.c, functions.c. Included by slave.c, after the model, so that the compiler compares.
 
    Model: a flat struct without pointers whose members are all 8 bytes wide (double, int64_t, or arrays of them), so
-   that it has no padding and its serialised form is the same on every platform. It is zeroed before
-   model_set_parameters. Everything that changes lives in it; the model has no other memory.
+   that it has no padding and its serialised form is the same on every platform. It is zeroed when an
+   instance is made or reset. Everything that changes lives in it; the model has no other memory.
 
    A model without continuous states is sampled: in co-simulation and in model exchange alike, the ticks are all that
    happens to it. A model with continuous states is integrated by the importer in model exchange, and by model_tick in
@@ -16,7 +16,8 @@
 #ifndef MODEL_H
 #define MODEL_H
 
-/** take the parameters from values[], each inside its limits; called before model_initialise */
+/** take the parameters from values[], each inside its limits; called before model_initialise, which is to give the same
+    whatever an earlier initialisation has left in the model */
 static int model_set_parameters(Model *model, const double *values, Message *message);
 
 /** take changed tunable parameters from values[] while the model runs: what moves goes on from where it is. When it

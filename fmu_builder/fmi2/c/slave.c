@@ -101,7 +101,6 @@ static int slave_prepare_model(Slave *slave, Message *message)
     if (slave->model_ready) {
         return 0;
     }
-    clear_bytes(&slave->model, sizeof slave->model);
     if (model_set_parameters(&slave->model, slave->values, message) != 0) {
         return 1;
     }

@@ -68,6 +68,10 @@ EXPORTED void llmn_static_map(
     }
 }
 
+EXPORTED void llmn_nodes(const Tables *tables, const double *rows, int length, double *nodes) {
+    kernel_nodes(tables, rows, length, nodes);
+}
+
 EXPORTED int llmn_chain_table(
     const ChainTables *tables, const double *head, const double *theta, double *A, double *B, double *g, int *node) {
     return chain_table(tables, head, theta, A, B, g, node);

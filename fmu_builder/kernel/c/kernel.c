@@ -124,6 +124,18 @@ static inline void kernel_blended(const KernelBlend *blend, const double *rows, 
     }
 }
 
+/* nodes[k] = sum_i w_ki rows[i] with the weights of the local models at every node of the table */
+static inline void kernel_nodes(const Tables *t, const double *rows, int length, double *nodes) {
+    KernelBlend blend;
+    int k;
+    blend.first = 0;
+    blend.count = FIXED(t, local_models);
+    for (k = 0; k < FIXED(t, nodes); ++k) {
+        blend.weights = t->node_weights + k * FIXED(t, local_models);
+        kernel_blended(&blend, rows, length, nodes + k * length);
+    }
+}
+
 /* result += M vector, M[columns][rows] stored by columns */
 static inline void kernel_multiply(
     const double *matrix, int rows, int columns, const double *vector, double *restrict result) {
@@ -131,6 +143,11 @@ static inline void kernel_multiply(
     for (column = 0; column < columns; ++column) {
         for (row = 0; row < rows; ++row) result[row] += matrix[column * rows + row] * vector[column];
     }
+}
+
+/* C of a model */
+static inline const double *kernel_output_matrix(const Tables *t, int model) {
+    return t->C + (FIXED(t, output_models) > 1 ? model : 0) * FIXED(t, states) * FIXED(t, outputs);
 }
 
 /* result = A_k x + B_k u; the scheduling column of B is left out where the equilibrium is scheduled */
@@ -219,7 +236,7 @@ static inline void kernel_hold_model(
     const Tables *t, const KernelView *v, int model, double weight, const double *x, const double *u0) {
     int i;
     for (i = 0; i < FIXED(t, outputs); ++i) v->product[i] = 0.0;
-    kernel_multiply(t->C + model * FIXED(t, states) * FIXED(t, outputs), FIXED(t, outputs), FIXED(t, states), x, v->product);
+    kernel_multiply(kernel_output_matrix(t, model), FIXED(t, outputs), FIXED(t, states), x, v->product);
     if (FIXED(t, deviation_gain) != 0.0) v->deviation_held[0] += weight * v->product[FIXED(t, deviation_output)];
     if (FIXED(t, offsets) == OFFSETS_AFFINE) {
         const double *y0 = t->y0 + model * FIXED(t, outputs);

@@ -46,8 +46,8 @@ enum { BLENDING_OUTPUT = 0, BLENDING_PARAMETER = 1 };
 enum { KERNEL_START_PASSES = 100 };
 enum { OFFSETS_NONE = 0, OFFSETS_AFFINE = 1, OFFSETS_LOW_PASS = 2, OFFSETS_SCHEDULED_EQUILIBRIUM = 3 };
 
-/* What all tables of a network have in common. Where they are made anew in an FMU it is taken from the tables it was built
-   with, so that the compiler knows the sizes (surrogate.c). */
+/* What all tables of a network have in common. Where models at the nodes are made in an FMU it is taken from the constants
+   of its binary, so that the compiler knows the sizes (blended.c, surrogate.c). */
 #ifndef FIXED
 #define FIXED(tables, field) ((tables)->field)
 #endif
@@ -63,6 +63,7 @@ typedef struct {
     int derived;               /* R */
     int local_models;          /* M */
     int models;                /* rows of A..y0: M, or the nodes K when parameters are blended from a node table */
+    int output_models;         /* rows of C: models, or 1 where C is the same in all */
     int nodes;                 /* K; 0 = Gaussians */
     int map_points;            /* L; 0 = no static map */
     int blending;              /* BLENDING_... */
@@ -84,8 +85,8 @@ typedef struct {
     const double *map_values;              /* [L][p] */
     const double *A;                       /* [models][n][n] */
     const double *B;                       /* [models][m][n] */
-    const double *C;                       /* [models][n][p] */
-    const double *D;                       /* [models][m][p] */
+    const double *C;                       /* [output_models][n][p] */
+    const double *D;                       /* [models][m][p]; null without feedthrough */
     const double *g;                       /* [models][n]: (I - A)^-1 B_scheduling */
     const double *x0;                      /* [models][n] */
     const double *u0;                      /* [models][m] */

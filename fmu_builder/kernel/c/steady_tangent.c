@@ -53,7 +53,7 @@ static inline int steady_models(const Tables *t, const KernelView *v, const Kern
         kernel_transition(t, k, d->shift, d->deviation, d_x);
         failed = kernel_settle(t, v, &alone, d_x);
         for (i = 0; i < FIXED(t, outputs); ++i) d->product[i] = 0.0;
-        kernel_multiply(t->C + k * FIXED(t, states) * FIXED(t, outputs), FIXED(t, outputs), FIXED(t, states), d_x, d->product);
+        kernel_multiply(kernel_output_matrix(t, k), FIXED(t, outputs), FIXED(t, states), d_x, d->product);
         for (i = 0; i < FIXED(t, outputs); ++i) d->held[i] += v->weights[k] * d->product[i];
     }
     return failed;
@@ -91,7 +91,7 @@ static inline int steady_blend(
     for (a = 0; a < blend->count; ++a) {
         int model = blend->first + a;
         for (i = 0; i < FIXED(t, outputs); ++i) d->product[i] = 0.0;
-        kernel_multiply(t->C + model * FIXED(t, states) * FIXED(t, outputs), FIXED(t, outputs), FIXED(t, states), d->shift, d->product);
+        kernel_multiply(kernel_output_matrix(t, model), FIXED(t, outputs), FIXED(t, states), d->shift, d->product);
         if (FIXED(t, deviation_gain) != 0.0) d->deviation_held[0] += blend->weights[a] * d->product[FIXED(t, deviation_output)];
         if (affine && FIXED(t, feedthrough)) {
             for (i = 0; i < FIXED(t, inputs); ++i) d->deviation[i] = -d->u0[i];

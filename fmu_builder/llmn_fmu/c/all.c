@@ -6,6 +6,7 @@
 #include "tables.h"
 #include "variables.h"
 #include "llmn_fixed.c"
+#include "llmn_no_parameters.c"
 #include "llmn_model.c"
 #include "slave.c"
 #include "functions.c"

@@ -1,4 +1,4 @@
-/* A network without parameters: its tables are constants. */
+/* A network whose models are constants of the binary. */
 
 typedef struct {
     double state[TABLES_STATE_SIZE];
@@ -17,23 +17,5 @@ static int model_set_parameters(Model *model, const double *values, Message *mes
     (void)model;
     (void)values;
     (void)message;
-    return 0;
-}
-
-static int model_retune(Model *model, const double *values, Message *message)
-{
-    return model_set_parameters(model, values, message);
-}
-
-static const char *model_remark(const double *values)
-{
-    (void)values;
-    return 0;
-}
-
-/** the value reference of a parameter along which there is no derivative, 0 without one */
-static int model_rigid_parameter(const double *direction)
-{
-    (void)direction;
     return 0;
 }

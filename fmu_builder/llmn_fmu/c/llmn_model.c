@@ -1,6 +1,6 @@
 /* The kernel as a model of the slave (model.h). Variables stand in this order: inputs, outputs, derived outputs,
    validity_1..M, in_range, parameters. The sizes are constants here, so that the compiler unrolls what the tables need.
-   Model, its parameters and where its tables are: llmn_fixed.c or llmn_theta.c. */
+   Model, its parameters and where its tables are: llmn_fixed.c, llmn_blended.c or llmn_theta.c. */
 
 enum {
     LLMN_FIRST_OUTPUT = TABLES_INPUTS,
@@ -28,7 +28,7 @@ static int model_check(const Model *model, Message *message)
 }
 
 /** steady state of the inputs */
-static int model_initialise(Model *model, const double *inputs, Message *message)
+static COLD int model_initialise(Model *model, const double *inputs, Message *message)
 {
     Tables own;
     if (kernel_start(model_network(model, &own), model->state, inputs) != 0) {
@@ -85,8 +85,8 @@ static void model_directional_derivative(const Model *model, const double *value
     }
 }
 
-static int model_start_derivative(const Model *model, const double *values, const double *direction, double *change,
-                                  Message *message)
+static COLD int model_start_derivative(const Model *model, const double *values, const double *direction,
+                                       double *change, Message *message)
 {
     double scratch[TABLES_STATE_SIZE], tangent[TABLES_STATE_SIZE];
     const int rigid = model_rigid_parameter(direction);

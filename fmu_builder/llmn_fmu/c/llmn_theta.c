@@ -1,5 +1,6 @@
-/* A surrogate with physical parameters: k_E and then theta, local model by local model, behind in_range. As long as they
-   are those that were identified the tables are constants; others make tables of their own, which live in the model. */
+/* A surrogate with physical parameters: k_E and then theta, local model by local model, behind in_range. The models at the
+   nodes are made of them when an instance starts and when they change, and live in the model; the rest of the tables are
+   constants. */
 
 enum {
     LLMN_FIRST_PARAMETER = TABLES_INPUTS + TABLES_OUTPUTS + TABLES_DERIVED + TABLES_LOCAL_MODELS + 1,
@@ -10,7 +11,7 @@ enum {
 typedef struct {
     double state[TABLES_STATE_SIZE];
     double parameters[LLMN_PARAMETERS]; /* what the model computes with */
-    double changed;                     /* 1.0: they are not those identified, and what follows takes the tables' place */
+    double made;                        /* 1.0: what follows is made of them */
     double A[TABLES_NODES * CHAIN_STATES * CHAIN_STATES];
     double B[TABLES_NODES * CHAIN_INPUTS * CHAIN_STATES];
     double g[TABLES_NODES * CHAIN_STATES];
@@ -18,12 +19,9 @@ typedef struct {
     double term_coefficients[LLMN_TERM_SLOTS];
 } Model;
 
-/** the tables the model computes with; *own is room for them if they are not the constants */
+/** the tables the model computes with, in *own */
 static inline const Tables *model_network(const Model *model, Tables *own)
 {
-    if (model->changed == 0.0) {
-        return &tables;
-    }
     *own = tables;
     own->A = model->A;
     own->B = model->B;
@@ -46,14 +44,8 @@ static COLD int theta_rebuild(Model *model, Message *message)
 {
     const double head[CHAIN_HEAD] = {theta_head[CHAIN_M_C], theta_head[CHAIN_K_C], theta_head[CHAIN_C_C],
                                      model->parameters[0]};
-    int node = 0, answer = CHAIN_FINE, changed = 0;
-    for (int k = 0; k < LLMN_PARAMETERS; ++k) {
-        changed = changed || model->parameters[k] != variable_start[LLMN_FIRST_PARAMETER + k];
-    }
-    model->changed = changed ? 1.0 : 0.0;
-    if (!changed) {
-        return 0;
-    }
+    int node = 0, answer = CHAIN_FINE;
+    model->made = 0.0;
     answer = chain_table(&theta_tables, head, model->parameters + 1, model->A, model->B, model->g, &node);
     if (answer != CHAIN_FINE) {
         theta_append_trouble(message, answer, node);
@@ -69,15 +61,18 @@ static COLD int theta_rebuild(Model *model, Message *message)
         const double size = theta_stiffness_terms[k] ? model->parameters[0] : known < 0.0 ? -known : known;
         model->term_coefficients[k] = known < 0.0 ? -size : size;
     }
+    model->made = 1.0;
     return 0;
 }
 
 static int model_set_parameters(Model *model, const double *values, Message *message)
 {
+    int changed = model->made == 0.0;
     for (int k = 0; k < LLMN_PARAMETERS; ++k) {
+        changed = changed || model->parameters[k] != values[LLMN_FIRST_PARAMETER + k];
         model->parameters[k] = values[LLMN_FIRST_PARAMETER + k];
     }
-    return theta_rebuild(model, message);
+    return changed ? theta_rebuild(model, message) : 0;
 }
 
 /** after a change while the model runs: positions and velocities stay, so where rest has moved, what counts from it moves;

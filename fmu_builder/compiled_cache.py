@@ -38,7 +38,7 @@ def kept(folder: Path, key: str) -> bytes | None:
 
 
 def keep(folder: Path, key: str, content: bytes) -> None:
-    """Keep content under a key where the folder can be written; nothing is half-written, any thread may call."""
+    """Keep content under a key if the folder can be written; nothing half-written, any thread may call."""
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=folder, prefix=".")

@@ -27,6 +27,9 @@ from fmu_builder.errors import BuildError, OutputError
 from fmu_builder.files import write_bytes
 from fmu_builder.universal_library import universal_library
 
+PINNED = "0.17.1"
+"""Version of the compiler; pyproject.toml asks for the same."""
+
 FREESTANDING = Path(__file__).parent / "freestanding"
 _HIDDEN_EXPORT = '__attribute__((visibility("default")))'
 _WINDOWS_EXPORT = "__declspec(dllexport)"
@@ -75,9 +78,7 @@ TARGETS: Mapping[str, Target] = {
     "win64": Target("x86_64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
     "win32": Target("x86-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
     "aarch64-windows": Target("aarch64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
-    "darwin64": Target(
-        "x86_64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT, others=("aarch64-darwin",)
-    ),
+    "darwin64": Target("x86_64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT, others=("aarch64-darwin",)),
     "aarch64-darwin": Target("aarch64-macos.11.0", ".dylib", _MACOS, _HIDDEN_EXPORT),
 }
 """FMI 2.0 platform folder -> how to build for it."""
@@ -130,8 +131,8 @@ def cache_folder() -> Path:
 
 @functools.cache
 def _zig() -> tuple[Path, str]:
-    """Return zig's path and version."""
-    mend = "Install it with: python -m pip install ziglang==0.17.1"
+    """Return zig's path and version, which is always the pinned one: another would make other bytes."""
+    mend = f"Install it with: python -m pip install ziglang=={PINNED}"
     spec = find_spec("ziglang")
     if spec is None or not spec.submodule_search_locations:
         raise BuildError.of("C compiler", "the Python package ziglang is not installed", mend)
@@ -139,7 +140,9 @@ def _zig() -> tuple[Path, str]:
     program = folder / ("zig.exe" if sys.platform == "win32" else "zig")
     if not program.is_file():
         raise BuildError.of(str(program), "the zig compiler is missing from the package ziglang", mend)
-    return program, metadata.version("ziglang")
+    if (version := metadata.version("ziglang")) != PINNED:
+        raise BuildError.of("C compiler", f"the Python package ziglang is version {version}", mend)
+    return program, PINNED
 
 
 def _environment() -> dict[str, str]:
@@ -180,7 +183,7 @@ class _Job:
 
     def key(self, platform: str, file_name: str) -> str:
         """Return the hash of all that the library's bytes depend on."""
-        parts = [_zig()[1], *_flags(platform, file_name, self.defines)]
+        parts = [_zig()[1], file_name, *_flags(platform, file_name, self.defines)]
         files = [
             *source_files(self.unity, self.include),
             *((path.name, path) for path in sorted(FREESTANDING.iterdir()) if path.is_file()),
@@ -222,7 +225,7 @@ def _compiled(job: _Job, platform: str, file_name: str) -> bytes:
                 command, cwd=where, env=environment, capture_output=True, text=True, errors="replace"
             )
         except OSError as reason:
-            mend = "Reinstall it with: python -m pip install --force-reinstall ziglang==0.17.1"
+            mend = f"Reinstall it with: python -m pip install --force-reinstall ziglang=={PINNED}"
             raise BuildError.of(str(program), f"the compiler cannot be run ({reason})", mend) from reason
         library = where / file_name
         if run.returncode != 0 or not library.is_file():

@@ -16,7 +16,7 @@ _HEADER, _SLICE_HEADER, _RECORD = ">II", "<III", ">IIIII"
 
 
 def universal_library(slices: Sequence[bytes]) -> bytes:
-    """Return one library of several for one processor each, in their order; the same bytes for the same slices.
+    """Return one library of several for one processor each, in their order; same slices, same bytes.
 
     A slice keeps its bytes, so what signs it stays valid.
 

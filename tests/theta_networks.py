@@ -61,10 +61,10 @@ def _force(name: str, *terms: tuple[str, str, int]) -> DerivedOutput:
 
 
 def theta_network(
-    structure: str = "chain8", nodes: int = 21, gain: float = 0.0, uneven: float = 0.0
+    structure: str = "chain8", nodes: int = 21, gain: float = 0.0, uneven: float = 0.0, seed: int = 7
 ) -> ParameterSet:
     """A surrogate of four local models whose forces at rest rise with the height, `uneven` N to and fro."""
-    theta = theta_of(structure)
+    theta = theta_of(structure, seed)
     positions = np.linspace(LOW, HIGH, nodes)
     positions[1:-1] += 0.003 * np.sin(7.0 * positions[1:-1])
     weights = shares_of(positions)

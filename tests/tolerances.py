@@ -74,3 +74,6 @@ FEW_SEEDS = 0.7  # natural log: 12 seeds know a standard deviation to 21 %, the 
 JACKKNIFE = (
     0.7  # natural log: ten groups know a standard deviation to 25 %, 12 seeds to 20 %, of eight the largest
 )
+SELF_COMPILED = (
+    1e-9  # of an output's largest size: fused multiply-adds over 120 ms, forces are differences of 1e5 N
+)

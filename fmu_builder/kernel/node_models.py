@@ -1,4 +1,4 @@
-"""Networks whose models at the nodes an FMU can make of its local models: the same bits, a tenth of the numbers."""
+"""Networks whose models at the nodes an FMU makes of its local models: the same bits, fewer numbers."""
 
 from __future__ import annotations
 

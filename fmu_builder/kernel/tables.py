@@ -166,7 +166,9 @@ def with_validity(
         arrays[name] = np.ascontiguousarray(columns).ravel()
     numbers = {**tables.numbers, "deviation_gain": partition.deviation_gain}
     output_sizes = _without_repetition(arrays, tables.sizes["models"]) if node_models else {}
-    return replace(tables, sizes={**tables.sizes, **output_sizes}, numbers=numbers, arrays={**tables.arrays, **arrays})
+    return replace(
+        tables, sizes={**tables.sizes, **output_sizes}, numbers=numbers, arrays={**tables.arrays, **arrays}
+    )
 
 
 def without_arrays(tables: Tables, names: Sequence[str]) -> Tables:
@@ -189,7 +191,7 @@ def _scale(positions: Sequence[float]) -> float:
 
 
 def model_arrays(models: Sequence[LocalLinearModel]) -> dict[str, Array]:
-    """Return the arrays of `MODEL_ARRAYS` that the models have, matrices by columns: A[model][column][row]."""
+    """Return the arrays of `MODEL_ARRAYS` that models have, matrices by columns: A[model][column][row]."""
 
     def by_columns(of: Callable[[LocalLinearModel], Sequence[Sequence[float]]]) -> Array:
         return np.ascontiguousarray(np.array([of(model) for model in models]).transpose(0, 2, 1).ravel())

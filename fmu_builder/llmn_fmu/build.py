@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu
-from fmu_builder.kernel import SOURCES, blended_nodes, chain_of, tables_header, tables_of, theta_header, without_arrays
+from fmu_builder.kernel import (
+    SOURCES,
+    blended_nodes,
+    chain_of,
+    tables_header,
+    tables_of,
+    theta_header,
+    without_arrays,
+)
 from fmu_builder.llmn_fmu.card import model_card
 from fmu_builder.llmn_fmu.variables import interface
 from fmu_builder.parameter_set import ParameterSet

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 TESTS = Path(__file__).resolve().parents[1]
 sys.path.append(str(TESTS))  # the fixtures below import each other by file name
@@ -24,21 +25,23 @@ NODES = 81
 SCALES = (1.0, 1.1, 1.25, 1.4)
 
 
-def surrogate() -> ParameterSet:
+def surrogate(seed: int = 7) -> ParameterSet:
     """Three masses, four local models, theta blended over a node table: what ships."""
-    return theta_network("chain8", NODES)
+    return theta_network("chain8", NODES, seed=seed)
 
 
-def n4sid() -> ParameterSet:
-    """Four local models of six states, outputs blended: the dearest blending."""
+def n4sid(
+    blending: Literal["output", "parameter"] = "output", scales: Sequence[float] = SCALES
+) -> ParameterSet:
+    """Four local models of six states, by default with outputs blended: the dearest blending."""
     settings = NetworkSettings(
-        blending="output",
+        blending=blending,
         validity="cubic_warp",
         warp=(0.1, -0.05),
         nodes=NODES,
         offsets="scheduled_equilibrium",
     )
-    return network("n4sid_network", local_models(SCALES), settings, (FORCE,))
+    return network("n4sid_network", local_models(scales), settings, (FORCE,))
 
 
 def build_empty(output: Path) -> Path:

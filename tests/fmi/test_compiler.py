@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from pathlib import Path
 
 import pytest
 
-from fmu_builder import compiler
+from fmu_builder import compiled_cache, compiler
 from fmu_builder.compiler import TARGETS, compile_shared_library, host_platform, load_native
 from fmu_builder.errors import BuildError
 
@@ -54,6 +55,70 @@ def test_native_library_follows_source_header_and_definitions(source: Path) -> N
     assert len(list(kept.iterdir())) == 4
 
 
+def test_libraries_are_kept_by_content_and_damaged_ones_made_anew(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def compiled(job: compiler._Job, platform: str, name: str) -> bytes:
+        made.append(platform)
+        return f"{platform} {name} {job.defines}".encode()
+
+    monkeypatch.setattr(compiler, "_compiled", compiled)
+
+    def build(offset: str = "1.0", stem: str = "numbers") -> dict[str, bytes]:
+        return compiler.compile_shared_libraries(
+            source, stem, ("linux64", "win64"), (tmp_path / "in clude",), {"OFFSET": offset}
+        )
+
+    first = build()
+    assert build() == first and sorted(made) == ["linux64", "win64"]
+    for other in ({"offset": "2.0"}, {"stem": "other"}):
+        made.clear()
+        assert build(**other) != first and len(made) == 2
+    folder = compiler.cache_folder() / "libraries"
+    for damage in (lambda b: b[:-1], lambda b: b[:40] + b"?" + b[41:], lambda b: b"", lambda b: b + b"x"):
+        made.clear()
+        for path in folder.iterdir():
+            path.write_bytes(damage(path.read_bytes()))
+        assert build() == first and len(made) == 2
+    all_of = ({}, {"offset": "2.0"}, {"stem": "other"})
+    for options in all_of:
+        build(**options)
+    made.clear()
+    one, two = sorted(folder.iterdir())[:2]
+    content = one.read_bytes()
+    one.write_bytes(two.read_bytes())
+    two.write_bytes(content)  # whole, but of something else
+    for options in all_of:
+        build(**options)
+    assert len(made) == 2
+
+
+def test_a_damaged_native_library_is_replaced(source: Path) -> None:
+    assert _scaled(source) == 7.0
+    (library,) = (compiler.cache_folder() / "native").iterdir()
+    good = library.read_bytes()
+    library.unlink()
+    library.write_bytes(good[: len(good) // 2])
+    assert _scaled(source) == 7.0
+    assert library.read_bytes() == good
+
+
+def test_the_cache_does_not_grow_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled_cache, "MOST", 6)
+    monkeypatch.setattr(compiled_cache, "LEFT", 4)
+    keys = [compiled_cache.key_of((bytes([k]),)) for k in range(7)]
+    for k, key in enumerate(keys):
+        compiled_cache.keep(tmp_path / "c", key, bytes(k))
+        if (tmp_path / "c" / key).exists():
+            os.utime(tmp_path / "c" / key, (k, k))
+    left = [compiled_cache.kept(tmp_path / "c", key) for key in keys]
+    assert left == [None, None, None, *(bytes(k) for k in (3, 4, 5, 6))]
+    compiled_cache.keep(tmp_path / "c" / keys[3] / "no folder", keys[0], b"")
+    assert compiled_cache.kept(tmp_path / "c" / keys[3] / "no folder", keys[0]) is None
+
+
 def test_memory_functions_are_built_in(source: Path) -> None:
     library = load_native("numbers", source, (source.parent / "in clude",), {"OFFSET": "0.0"})
     block = ctypes.c_double * 200
@@ -62,8 +127,9 @@ def test_memory_functions_are_built_in(source: Path) -> None:
     assert list(target) == list(range(200))
 
 
-@pytest.mark.parametrize("platform", ["linux64", "win64", "darwin64", "aarch64-darwin", "aarch64-linux"])
-def test_same_bytes_from_another_folder(source: Path, platform: str) -> None:
+@pytest.mark.parametrize("platform", list(TARGETS))
+def test_same_bytes_from_another_folder(source: Path, platform: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiler, "kept", lambda *_: None)  # compiled anew
     results = []
     for folder in ("a", "b c"):
         copy = source.parent / folder / "unity.c"

@@ -44,7 +44,7 @@ static inline double chain_clip(double value, double least, double largest) {
 }
 
 /* Parameter p at a node with the weights of the local models, theta[M][P]. */
-static inline double chain_blended(const ChainTables *t, const double *theta, const double *weights, int p) {
+RARE double chain_blended(const ChainTables *t, const double *theta, const double *weights, int p) {
     double sum = 0.0;
     int i;
     for (i = 0; i < t->local_models; ++i) {
@@ -55,7 +55,7 @@ static inline double chain_blended(const ChainTables *t, const double *theta, co
 }
 
 /* Every coefficient at a node; head[4] as numbered above. What a structure does not have is zero. */
-static inline void chain_coefficients(
+RARE void chain_coefficients(
     const ChainTables *t, const double *head, const double *theta, const double *weights, double *c) {
     int i;
     for (i = 0; i < CHAIN_COEFFICIENTS; ++i) c[i] = i < CHAIN_HEAD ? head[i] : 0.0;
@@ -64,7 +64,7 @@ static inline void chain_coefficients(
 }
 
 /* The rows of [A_c B_c] */
-static inline void chain_continuous(const double *c, double matrix[CHAIN_STATES][CHAIN_SIZE]) {
+RARE void chain_continuous(const double *c, double matrix[CHAIN_STATES][CHAIN_SIZE]) {
     double m_C = c[CHAIN_M_C], m_H = c[CHAIN_M_H], m_M = c[CHAIN_M_M];
     int i, j;
     for (i = 0; i < CHAIN_STATES; ++i) {
@@ -109,7 +109,7 @@ static CHAIN_ALONE void chain_product(
 }
 
 /* Largest sum of sizes of a row over the first `columns`. */
-static inline double chain_norm(double matrix[CHAIN_STATES][CHAIN_SIZE], int columns) {
+RARE double chain_norm(double matrix[CHAIN_STATES][CHAIN_SIZE], int columns) {
     double largest = 0.0;
     int i, j;
     for (i = 0; i < CHAIN_STATES; ++i) {
@@ -121,7 +121,7 @@ static inline double chain_norm(double matrix[CHAIN_STATES][CHAIN_SIZE], int col
 }
 
 /* x <- exp(x) - I: the Taylor series of x / 2^d, then d times e <- 2 e + e e. Without the I, small numbers keep digits. */
-static inline void chain_exponential(double x[CHAIN_STATES][CHAIN_SIZE]) {
+RARE void chain_exponential(double x[CHAIN_STATES][CHAIN_SIZE]) {
     double sum[CHAIN_STATES][CHAIN_SIZE], product[CHAIN_STATES][CHAIN_SIZE];
     double norm = chain_norm(x, CHAIN_SIZE), factor = 1.0;
     int doublings = 0, i, j, k;
@@ -153,7 +153,7 @@ static inline void chain_exponential(double x[CHAIN_STATES][CHAIN_SIZE]) {
 }
 
 /* Whether some power A^(2^k) of the scaled system matrix has a norm below one: then, and only then, A^n goes to zero. */
-static inline int chain_decays(double step[CHAIN_STATES][CHAIN_SIZE]) {
+RARE int chain_decays(double step[CHAIN_STATES][CHAIN_SIZE]) {
     double power[CHAIN_STATES][CHAIN_SIZE], product[CHAIN_STATES][CHAIN_SIZE];
     int squaring, i, j;
     for (i = 0; i < CHAIN_STATES; ++i) {
@@ -172,7 +172,7 @@ static inline int chain_decays(double step[CHAIN_STATES][CHAIN_SIZE]) {
 }
 
 /* g: the springs alone, positions per metre of eta; velocities rest. 1 = they hold nothing. */
-static inline int chain_rest(const double *c, double *g) {
+RARE int chain_rest(const double *c, double *g) {
     double stiffness[9] = {c[CHAIN_K_E] + c[CHAIN_K_C], -c[CHAIN_K_C], 0.0, -c[CHAIN_K_C], c[CHAIN_K_C] + c[CHAIN_K_L],
                            -c[CHAIN_K_L], 0.0, -c[CHAIN_K_L], c[CHAIN_K_L] + c[CHAIN_K_W]};
     double position[3] = {c[CHAIN_K_E], 0.0, 0.0};
@@ -185,7 +185,7 @@ static inline int chain_rest(const double *c, double *g) {
 }
 
 /* A[column][row], B[column][row] and g of one chain; CHAIN_... */
-static inline int chain_discretised(const double *c, double sample_time, double *A, double *B, double *g) {
+RARE int chain_discretised(const double *c, double sample_time, double *A, double *B, double *g) {
     double matrix[CHAIN_STATES][CHAIN_SIZE];
     int i, j;
     chain_continuous(c, matrix);
@@ -206,7 +206,7 @@ static inline int chain_discretised(const double *c, double sample_time, double 
 
 /* A[K][6][6], B[K][2][6] (by columns) and g[K][6] for head[4] and theta[M][P]. CHAIN_FINE, or what is wrong at *node; what
    was written until then is no table. */
-static inline int chain_table(
+RARE int chain_table(
     const ChainTables *t, const double *head, const double *theta, double *A, double *B, double *g, int *node) {
     double c[CHAIN_COEFFICIENTS];
     int k, answer = CHAIN_FINE;
@@ -223,7 +223,7 @@ static inline int chain_table(
 /* Where the wire stands when the contact spring is another one: at rest the frame below stands still at position
    values[row][0] = xi, pushed by k_E (xi - eta) = k_new (xi - eta_new); ratio = k_E / k_new. 1 = the heights do not rise any
    more: on so soft a spring the force at rest changes faster with the height than the spring gives way. */
-static inline int chain_map_positions(
+RARE int chain_map_positions(
     const double *positions, const double *values, int outputs, int rows, double ratio, double *moved) {
     int row, rising = 1;
     for (row = 0; row < rows; ++row) {

@@ -2,6 +2,7 @@
 
 #include "elementary.c"
 #include "kernel.c"
+#include "node_models.c"
 #include "steady_tangent.c"
 #include "chain.c"
 

@@ -124,18 +124,6 @@ static inline void kernel_blended(const KernelBlend *blend, const double *rows, 
     }
 }
 
-/* nodes[k] = sum_i w_ki rows[i] with the weights of the local models at every node of the table */
-static inline void kernel_nodes(const Tables *t, const double *rows, int length, double *nodes) {
-    KernelBlend blend;
-    int k;
-    blend.first = 0;
-    blend.count = FIXED(t, local_models);
-    for (k = 0; k < FIXED(t, nodes); ++k) {
-        blend.weights = t->node_weights + k * FIXED(t, local_models);
-        kernel_blended(&blend, rows, length, nodes + k * length);
-    }
-}
-
 /* result += M vector, M[columns][rows] stored by columns */
 static inline void kernel_multiply(
     const double *matrix, int rows, int columns, const double *vector, double *restrict result) {
@@ -315,7 +303,7 @@ static inline void kernel_tick(const Tables *t, double *state, const double *inp
 }
 
 /* x <- (I - A)^-1 x where x holds what one tick makes of x = 0; A of a local model or of the blend. */
-static inline int kernel_settle(const Tables *t, const KernelView *v, const KernelBlend *blend, double *x) {
+RARE int kernel_settle(const Tables *t, const KernelView *v, const KernelBlend *blend, double *x) {
     int n = FIXED(t, states);
     int i;
     kernel_blended(blend, t->A, n * n, v->matrix);
@@ -324,7 +312,7 @@ static inline int kernel_settle(const Tables *t, const KernelView *v, const Kern
 }
 
 /* x of the steady state for the inputs with the schedule as it stands, outputs included; 1 = there is none. */
-static inline int kernel_settled(const Tables *t, const KernelView *v, double *state, const double *inputs) {
+RARE int kernel_settled(const Tables *t, const KernelView *v, double *state, const double *inputs) {
     int local_states = FIXED(t, blending) == BLENDING_OUTPUT ? FIXED(t, local_models) * FIXED(t, states) : FIXED(t, states);
     KernelBlend blend = kernel_schedule(t, v, kernel_scheduling(t, v, inputs[FIXED(t, scheduling)]));
     int failed = 0;
@@ -349,7 +337,7 @@ static inline int kernel_settled(const Tables *t, const KernelView *v, double *s
 }
 
 /* The steady state for the inputs; 1 = there is none. Fills the whole state array. */
-static inline int kernel_start(const Tables *t, double *state, const double *inputs) {
+RARE int kernel_start(const Tables *t, double *state, const double *inputs) {
     KernelView v = kernel_view(t, state);
     double before;
     int failed, pass;

@@ -1,7 +1,14 @@
 /* One small dense system of equations; specification.py solves in the same order. */
 
+/* Before what runs at a start or a change of parameters only, never in a step: small code rather than fast code. */
+#if defined(__clang__)
+#define RARE __attribute__((minsize)) static inline
+#else
+#define RARE static inline
+#endif
+
 /* x <- M^-1 x by Gaussian elimination with row pivoting, M[column][row]; 1 = M is singular (pivot <= 1e-14 max |M|). */
-static inline int linear_solve(double *matrix, int n, double *x) {
+RARE int linear_solve(double *matrix, int n, double *x) {
     double largest = 0.0;
     int i, j, k;
     for (i = 0; i < n * n; ++i) {

@@ -6,7 +6,7 @@
    an edge (ends of the range, nodes), the derivative is that of the side the kernel itself computes on. */
 
 /* d_phi_i into tangent weights, d of the active models' weights returned like those */
-static inline const double *steady_schedule(
+RARE const double *steady_schedule(
     const Tables *t, const KernelView *v, const KernelView *d, double position, double change) {
     double r = kernel_clip(position, FIXED(t, range_low), FIXED(t, range_high));
     int i;
@@ -32,14 +32,14 @@ static inline const double *steady_schedule(
 }
 
 /* d of the deviation of the inputs from what the models count them from */
-static inline void steady_deviation(const Tables *t, const KernelView *d, const double *direction, const double *d_u0) {
+RARE void steady_deviation(const Tables *t, const KernelView *d, const double *direction, const double *d_u0) {
     int j;
     for (j = 0; j < FIXED(t, inputs); ++j) d->deviation[j] = direction[j] - (d_u0 != 0 ? d_u0[j] : 0.0);
     if (FIXED(t, offsets) == OFFSETS_LOW_PASS) d->deviation[FIXED(t, scheduling)] = 0.0; /* at rest the low-pass has followed */
 }
 
 /* d_x of every local model with output blending; then the sum of w_i C_i d_x_i into held */
-static inline int steady_models(const Tables *t, const KernelView *v, const KernelView *d, const double *direction) {
+RARE int steady_models(const Tables *t, const KernelView *v, const KernelView *d, const double *direction) {
     int i, k, failed = 0;
     steady_deviation(t, d, direction, 0);
     for (k = 0; k < FIXED(t, local_models) && !failed; ++k) {
@@ -60,7 +60,7 @@ static inline int steady_models(const Tables *t, const KernelView *v, const Kern
 }
 
 /* d_x of the blend; then the sum of w_a (C_a d(x - x0) - D_a d_u0) into held */
-static inline int steady_blend(
+RARE int steady_blend(
     const Tables *t, const KernelView *v, const KernelView *d, const KernelBlend *blend, const double *d_w,
     const double *inputs, const double *direction) {
     int affine = FIXED(t, offsets) == OFFSETS_AFFINE;
@@ -103,7 +103,7 @@ static inline int steady_blend(
 }
 
 /* d of the outputs at rest over their position */
-static inline void steady_rest(const Tables *t, const KernelView *d, double position, double change) {
+RARE void steady_rest(const Tables *t, const KernelView *d, double position, double change) {
     int i;
     for (i = 0; i < FIXED(t, outputs); ++i) d->held[i] = 0.0;
     if (FIXED(t, map_points) > 0) {
@@ -116,7 +116,7 @@ static inline void steady_rest(const Tables *t, const KernelView *d, double posi
 
 /* One pass with a given change of the schedule: d_x, d_held, d_feedthrough and so on into tangent, an array like the state;
    scratch is another one. */
-static inline int steady_pass(
+RARE int steady_pass(
     const Tables *t, const double *state, double *scratch, double *tangent, const double *inputs,
     const double *direction, double schedule_change) {
     KernelView v = kernel_view(t, scratch), d = kernel_view(t, tangent);
@@ -154,7 +154,7 @@ static inline int steady_pass(
 /* The change of the p outputs, R derived outputs and M weights at rest; state is that of kernel_start for the inputs,
    scratch and tangent are arrays of its size. 1 = there is no derivative. With kappa the schedule follows itself:
    d_r = d_s + kappa d(C x)_j, and d(C x)_j is linear in d_r. */
-static inline int kernel_start_tangent(
+RARE int kernel_start_tangent(
     const Tables *t, const double *state, const double *inputs, const double *direction, double *scratch,
     double *tangent, double *change) {
     KernelView v = kernel_view(t, scratch), d = kernel_view(t, tangent);

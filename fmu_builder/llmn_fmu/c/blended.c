@@ -5,6 +5,7 @@
 #include "kernel.h"
 #include "tables.h"
 #include "kernel.c"
+#include "node_models.c"
 #include "steady_tangent.c"
 #include "variables.h"
 #include "llmn_blended.c"

@@ -15,7 +15,7 @@ from theta_networks import BASE, HEAD, inputs_of, theta_network, theta_of
 
 import tolerances
 from fmi.raw import ERROR, OK, WARNING, Slave, load
-from fmu_builder.compiler import TARGETS, host_platform
+from fmu_builder.compiler import host_platform
 from fmu_builder.errors import ParameterSetError
 from fmu_builder.kernel import CHAINS, Network, simulate, with_parameters
 from fmu_builder.llmn_fmu import build_llmn, interface, model_card
@@ -306,8 +306,3 @@ def test_without_its_theta_a_surrogate_has_constants_only() -> None:
     card = model_card(network, interface(network))
     assert "<td>k_E</td><td>constant</td><td>100000</td>" in card and "Tunable" not in card
     assert BASE["m_H"] == 8.0
-
-
-def test_it_compiles_for_every_platform(tmp_path: Path) -> None:
-    path = build_llmn(theta_network("chain9", nodes=5), tmp_path / "theta.fmu", tuple(TARGETS))
-    assert len(fmpy.supported_platforms(str(path))) >= 5

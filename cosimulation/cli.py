@@ -27,6 +27,11 @@ Json = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON on stdout, and nothing on stderr.")
 ]
 
+Platforms = Annotated[
+    list[str] | None,
+    typer.Option(help="FMI platform folder, several allowed; all by default.", show_default=False),
+]
+
 
 def _reporter(as_json: bool) -> Reporter:
     return SILENT if as_json else Reporter()
@@ -71,12 +76,15 @@ def demo(
     quick: Annotated[
         bool, typer.Option(help="Short data: shows every step in a fraction of the time; worse figures.")
     ] = False,
+    platform: Platforms = None,
     as_json: Json = False,
 ) -> None:
     """Run the pantograph from the white-box model to the report."""
     from cosimulation.demo import run_demo
+    from fmu_builder.fmi2 import DEFAULT_PLATFORMS
 
-    result = run_demo(output, quick=quick, reporter=_reporter(as_json))
+    chosen = tuple(platform or DEFAULT_PLATFORMS)
+    result = run_demo(output, quick=quick, reporter=_reporter(as_json), platforms=chosen)
     _print(result.summary(), as_json, result.text())
 
 
@@ -132,9 +140,7 @@ def build(
         Path | None,
         typer.Option(help="FMU to write; beside the parameter set by default.", show_default=False),
     ] = None,
-    platform: Annotated[
-        list[str] | None, typer.Option(help="FMI platform folder, several allowed.", show_default=False)
-    ] = None,
+    platform: Platforms = None,
     backend: Annotated[
         str, typer.Option(help="`native`, or `pythonfmu`: NumPy inside, for fmpy only.")
     ] = "native",

@@ -25,6 +25,7 @@ from cosimulation.settings import (
     load_shipped_settings,
 )
 from fmu_builder.files import write_text
+from fmu_builder.fmi2 import DEFAULT_PLATFORMS
 from fmu_builder.llmn_fmu import build_llmn
 from fmus.wbm import build_wbm
 from identification.warning import IdentificationWarning
@@ -141,13 +142,19 @@ def generate_settings(fmu: Path, preset: str, quick: bool) -> GenerateSettings:
     return settings.model_copy(update={"reference": reference, "experiments": experiments})
 
 
-def run_demo(output: Path, quick: bool = False, reporter: Reporter = SILENT) -> DemoResult:
+def run_demo(
+    output: Path,
+    quick: bool = False,
+    reporter: Reporter = SILENT,
+    platforms: Sequence[str] = DEFAULT_PLATFORMS,
+) -> DemoResult:
     """Run the pantograph from the white-box model to the report.
 
     Args:
         output: Folder of the results; replaced as a whole when everything is done.
         quick: Short data: every step, worse figures.
         reporter: Told how far it is.
+        platforms: FMI platform folders of the FMUs.
 
     Raises:
         LlmnError: Something could not be done; nothing is left behind then.
@@ -157,8 +164,10 @@ def run_demo(output: Path, quick: bool = False, reporter: Reporter = SILENT) -> 
     clock = _Clock()
     with result_folder(output, RESULT) as folder:
         with clock.phase("build white-box FMU"):
-            white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu")
-        sets = tuple(_run_set(folder, white_box, wbm, quick, clock, reporter) for wbm in WHITE_BOX_SETS)
+            white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu", platforms)
+        sets = tuple(
+            _run_set(folder, white_box, wbm, quick, clock, reporter, platforms) for wbm in WHITE_BOX_SETS
+        )
         scores = marked_recommended(
             [item for one in sets for runs in one.runs.values() for run in runs for item in run.records]
         )
@@ -176,7 +185,13 @@ def run_demo(output: Path, quick: bool = False, reporter: Reporter = SILENT) -> 
 
 
 def _run_set(
-    folder: Path, white_box: Path, wbm: str, quick: bool, clock: _Clock, reporter: Reporter
+    folder: Path,
+    white_box: Path,
+    wbm: str,
+    quick: bool,
+    clock: _Clock,
+    reporter: Reporter,
+    platforms: Sequence[str],
 ) -> SetResult:
     """Data, models, FMUs and co-simulations of one white-box set."""
     settings = generate_settings(white_box, wbm, quick)
@@ -198,9 +213,8 @@ def _run_set(
     with clock.phase(f"build FMUs {wbm}"):
         for candidate in candidates:
             candidate.parameter_set.save(folder / "models" / f"{candidate.name}.json")
-            fmus[candidate.name] = build_llmn(
-                candidate.parameter_set, folder / "fmus" / f"{candidate.name}.fmu"
-            )
+            path = folder / "fmus" / f"{candidate.name}.fmu"
+            fmus[candidate.name] = build_llmn(candidate.parameter_set, path, platforms)
     unseen = _unseen(data)
     total = sum(len(item.data) for item in unseen) * len(candidates)
     with clock.phase(f"co-simulation {wbm}"), reporter.bar(f"co-simulation {wbm}", total) as advance:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from cosim.whole_path import WholePath
+from fmu_builder.compiler import host_platform
 from fmu_builder.parameter_set import load
 from identification.data_set import DataSet
 
@@ -154,7 +155,7 @@ def test_demo_refuses_an_output_it_cannot_write(tmp_path: Path) -> None:
 def test_control_c_leaves_nothing_half_written(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
-        [*LLMN, "demo"],
+        [*LLMN, "demo", "--platform", host_platform()],
         cwd=tmp_path,
         env=environment,
         stderr=subprocess.PIPE,

@@ -11,6 +11,7 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from cosimulation.pantograph import SIGNALS
+from fmu_builder.compiler import host_platform
 from identification.scores import FIELDS, recommendation_problems
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +26,7 @@ COMPARED = {
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("an empty folder")
-    command = [sys.executable, "-m", "cosimulation", "demo"]
+    command = [sys.executable, "-m", "cosimulation", "demo", "--platform", host_platform()]
     result = subprocess.run(
         command, cwd=folder, env={"PYTHONPATH": str(ROOT), "PATH": "", "OPENBLAS_NUM_THREADS": "1"},
         capture_output=True, text=True, timeout=900,

@@ -228,7 +228,7 @@ RARE int chain_map_positions(
     int row, rising = 1;
     for (row = 0; row < rows; ++row) {
         double xi = values[row * outputs];
-        moved[row] = ratio == 1.0 ? positions[row] : xi - (xi - positions[row]) * ratio;
+        moved[row] = xi - (xi - positions[row]) * ratio;
         rising = rising && (row == 0 || moved[row] > moved[row - 1]);
     }
     return !rising;

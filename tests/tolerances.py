@@ -33,6 +33,7 @@ WBM_STATIC_GAIN = 1e-9  # of the largest of its row: six equations against three
 WBM_INTEGRATORS = (
     1e-5  # of an output's span, of millimetres: CVode keeps 1e-9 m and 1e-9 m/s per step; 3e-6 is seen
 )
+STATE_EVENT = 1e-11  # of a state: CVode brackets a root to a few 1e-14 s; 1e-13 is seen
 SIMULATION = 1e-11  # of the largest output: blocks of rows instead of rows, other order of summation
 RMS_SCALING = 1e-14  # relative: one division and one square root
 HALF_POWER = 0.04  # relative: spectrum of two million samples, 240 windows and a few bins

@@ -181,7 +181,7 @@ def model_description(interface: Interface, guid: str) -> str:
             generationTool=interface.tool,
             generationDateAndTime=_FIXED_DATE,
             variableNamingConvention="flat",
-            numberOfEventIndicators=0,
+            numberOfEventIndicators=interface.event_indicators,
         ),
     )
     _add_interfaces(root, interface)

@@ -37,6 +37,8 @@ class Interface:
         version: Version of the model.
         copyright: Whose it is.
         directional_derivatives: Whether the model provides exact partial derivatives.
+        event_indicators: How many numbers tell an integrator by a change of their sign that the equations
+            have a kink there (model exchange); only for a model with continuous states.
 
     Raises:
         BuildError: Names every problem of the interface and of its variables.
@@ -55,6 +57,7 @@ class Interface:
     version: str = "1.0.0"
     copyright: str = ""
     directional_derivatives: bool = True
+    event_indicators: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "variables", tuple(self.variables))
@@ -103,6 +106,9 @@ class Interface:
             yield Problem(place, f"default_step is {self.default_step}", "Give a positive time in s")
         if not (math.isfinite(self.stop_time) and self.stop_time > 0.0):
             yield Problem(place, f"stop_time is {self.stop_time}", "Give a positive time in s")
+        if self.event_indicators < 0 or (self.event_indicators and not self.states):
+            what = f"event_indicators is {self.event_indicators} with {len(self.states)} continuous states"
+            yield Problem(place, what, "Give 0, or a positive number for a model with continuous states")
         texts = ("model_name", "description", "licence", "author", "tool", "version", "copyright")
         for name in texts:
             found = unwritable_character(getattr(self, name))

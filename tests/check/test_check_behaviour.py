@@ -136,6 +136,22 @@ DEFECTS: dict[str, tuple[str, str, Changes]] = {
         "crash", "run", (("lti_model.c", "    const double determinant =",
                           "    void exit(int);\n    exit(3);\n    const double determinant ="),),
     ),
+    "event indicators refused": (
+        "event-indicators", "model exchange",
+        (("instance.c", "LEGAL_GetEventIndicators = ONLY_MODEL_EXCHANGE | MODE_READABLE",
+          "LEGAL_GetEventIndicators = ONLY_MODEL_EXCHANGE | MODE_EVENT"),),
+    ),
+    "event indicators that are no numbers": (
+        "event-indicators", "model exchange",
+        (("lti_model.c", "    indicators[1] = values",
+          "    indicators[1] = 0.0 / (values[0] - values[0]) + values"),),
+    ),
+    "event indicators that remember": (
+        "event-indicators", "model exchange",
+        (("lti_model.c", "    indicators[1] = values",
+          "    static double before;\n    before = 0.5 * before + model->state[0];\n"
+          "    indicators[1] = before + values"),),
+    ),
     "prints": (
         "prints", "run", (("lti_model.c", "    const double determinant =",
                            '    int puts(const char *);\n    puts("x");\n    const double determinant ='),),

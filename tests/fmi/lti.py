@@ -49,11 +49,13 @@ INTERFACE = Interface(
     default_step=SAMPLE_TIME,
     stop_time=2.0,
     author="tests",
+    event_indicators=2,
 )
 SAMPLED = replace(
     INTERFACE,
     model_identifier="lti_sampled",
     states=(),
+    event_indicators=0,
     variables=tuple(
         replace(
             v, derivative_of=None, dependencies=tuple(d for d in v.dependencies if not d.startswith("x_"))

@@ -17,7 +17,8 @@ OUTPUT = Variable("y", causality="output", unit="m")
 
 
 def _interface(*variables: Variable, **keywords: object) -> Interface:
-    return replace(lti.INTERFACE, variables=variables or (OUTPUT,), states=(), **keywords)
+    own = {"states": (), "event_indicators": 0, **keywords}
+    return replace(lti.INTERFACE, variables=variables or (OUTPUT,), **own)
 
 
 @pytest.mark.parametrize(

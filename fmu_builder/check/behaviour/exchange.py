@@ -37,6 +37,13 @@ class _Continuous:
         status = getattr(self.library, function)(self.instance.component, cells, self.count)
         return cells[: self.count] if status <= WARNING else None
 
+    def indicators(self) -> list[float] | None:
+        """Return the event indicators, None when refused."""
+        count = self.library.plan.indicators
+        cells = (ctypes.c_double * max(count, 1))()
+        status = self.library.GetEventIndicators(self.instance.component, cells, count)
+        return cells[:count] if status <= WARNING else None
+
     def set_states(self, states: list[float]) -> int:
         """Set all states."""
         cells = (ctypes.c_double * max(self.count, 1))(*states)
@@ -72,6 +79,7 @@ def model_exchange(plan: Plan, diary: Diary) -> None:
         what, mend = "does not give back the states that were set", "Store what the integrator sets"
         diary.find(Severity.ERROR, "states", "fmi2SetContinuousStates", what, _EVALUATION, mend)
         return
+    _indicators(model, diary, states)
     _dependencies(model, diary, states, observed)
     instance.free()
 
@@ -97,6 +105,27 @@ def _first_event(library: Library, diary: Diary, instance: Instance) -> bool:
         diary.find(Severity.ERROR, "event-iteration", "event mode", what, _ORDER, mend)
         return False
     return True
+
+
+def _indicators(model: _Continuous, diary: Diary, states: list[float]) -> None:
+    """Read the event indicators as a root finder does: here, a little away, and here again."""
+    plan = model.library.plan
+    if not diary.doing(f"reading {plan.indicators} event indicators", _EVALUATION):
+        return
+    here = model.indicators()
+    moved = [value + _PROBE * max(abs(value), of.size) for value, of in zip(states, plan.states, strict=True)]
+    away = model.indicators() if model.set_states(moved) <= WARNING else here
+    model.set_states(states)
+    again = model.indicators()
+    place = "fmi2GetEventIndicators"
+    if here is None or away is None or again is None or not all_finite([here, away, again]):
+        what = f"does not give {plan.indicators} numbers in continuous-time mode"
+        mend = "Compute numberOfEventIndicators numbers from time, states and inputs; also when that is none"
+        diary.find(Severity.ERROR, "event-indicators", place, what, _EVALUATION, mend)
+    elif here != again:
+        what = "gives other numbers for the same time, states and inputs"
+        mend = "Let nothing but them act: solvers go back and forth to find a change of sign"
+        diary.find(Severity.ERROR, "event-indicators", place, what, _EVALUATION, mend)
 
 
 def _dependencies(model: _Continuous, diary: Diary, states: list[float], before: list[float]) -> None:

@@ -47,6 +47,7 @@ _OF_KIND: tuple[dict[str, tuple[Any, ...]], ...] = (
         "SetContinuousStates": (_Pointer, _Pointer, _Size),
         "GetContinuousStates": (_Pointer, _Pointer, _Size),
         "GetDerivatives": (_Pointer, _Pointer, _Size),
+        "GetEventIndicators": (_Pointer, _Pointer, _Size),
     },
     {
         "SetRealInputDerivatives": (_Pointer, _Pointer, _Size, _Pointer, _Pointer),

@@ -60,6 +60,7 @@ class Plan:
         step: Communication step to work with [s].
         variables: All variables.
         derivatives: Positions of the state derivatives, in the order of ModelStructure.
+        indicators: Number of event indicators.
         abilities: Capability flags of the description that are true.
         budget: How long an experiment may keep calculating [s].
         found: What earlier experiments have found out.
@@ -72,6 +73,7 @@ class Plan:
     step: float
     variables: tuple[PlannedVariable, ...]
     derivatives: tuple[int, ...]
+    indicators: int
     abilities: tuple[str, ...]
     budget: float
     found: dict[str, Any]

@@ -15,7 +15,7 @@ from typing import Any
 
 from fmu_builder.check.behaviour.diary import read_diary
 from fmu_builder.check.behaviour.plan import DEFAULT_STEP, Plan, PlannedVariable
-from fmu_builder.check.description import Description, ScalarVariable, number
+from fmu_builder.check.description import Description, ScalarVariable, integer, number
 from fmu_builder.check.finding import Finding, Severity, practice, standard
 from fmu_builder.compiler import TARGETS, host_platform
 from fmu_builder.errors import BuildError
@@ -85,6 +85,7 @@ def _plan(description: Description, folder: Path, kind: str, library: Path, time
         step=description.default_step() or DEFAULT_STEP,
         variables=tuple(_planned(description, variable) for variable in usable),
         derivatives=tuple(v.position for v in derivatives if v is not None and "derivative" in v.own),
+        indicators=max(integer(description.attributes.get("numberOfEventIndicators")) or 0, 0),
         abilities=tuple(name for name, value in attributes.items() if value in ("true", "1")),
         budget=_BUDGET_SHARE * time_limit,
         found={},

@@ -45,6 +45,11 @@ static void model_set_states(Model *model, const double *states);
 /** whether outputs and derivatives exist for the continuous states as set and the inputs; never called without any */
 static int model_check_states(const Model *model, const double *inputs, Message *message);
 
+/** EVENT_INDICATORS numbers for the states as set and the inputs and parameters in values[]: a change of sign is a state
+    event, where the right-hand side has a kink. The right-hand side itself does not wait for the event: it holds on both
+    sides. Numbers for any finite states and inputs; called after model_initialise, never when there are none */
+static void model_event_indicators(const Model *model, const double *values, double *indicators);
+
 /** exact derivative along a line: change[] of continuous outputs and state derivatives for the direction[] of inputs
     and continuous states, both VARIABLE_COUNT numbers by value reference; change[] is zero before. Called when
     model_check_states is content. */

@@ -1,12 +1,14 @@
 /* The functions of FMI 2.0 for Model Exchange. */
 
-/** whether an array of continuous states is there and has the right length */
-static int instance_has_states(const Instance *instance, const fmi2Real x[], size_t count, Message *message)
+/** whether an array of what the model has `wanted` of is there and has the right length */
+static int instance_has_room(const Instance *instance, const fmi2Real x[], size_t count, size_t wanted,
+                             const char *what, Message *message)
 {
-    if (count != CONTINUOUS_STATES) {
+    if (count != wanted) {
         message_append(message, "there are ");
-        message_append_integer(message, CONTINUOUS_STATES);
-        message_append(message, " continuous states, not ");
+        message_append_integer(message, (long long)wanted);
+        message_append(message, what);
+        message_append(message, ", not ");
         message_append_integer(message, (long long)count);
     } else if (count > 0 && x == NULL) {
         message_append(message, "an array is missing (NULL)");
@@ -15,6 +17,12 @@ static int instance_has_states(const Instance *instance, const fmi2Real x[], siz
     }
     (void)instance_error(instance, message, "");
     return 0;
+}
+
+/** whether an array of continuous states is there and has the right length */
+static int instance_has_states(const Instance *instance, const fmi2Real x[], size_t count, Message *message)
+{
+    return instance_has_room(instance, x, count, CONTINUOUS_STATES, " continuous states", message);
 }
 
 /* Modes */
@@ -183,10 +191,13 @@ FMI2_Export fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Re
 FMI2_Export fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real eventIndicators[], size_t ni)
 {
     Message message;
-    const Instance *instance = instance_of(c, LEGAL_GetEventIndicators, "fmi2GetEventIndicators", &message);
-    (void)eventIndicators;
-    if (instance == NULL) {
+    Instance *instance = instance_of(c, LEGAL_GetEventIndicators, "fmi2GetEventIndicators", &message);
+    if (instance == NULL ||
+        !instance_has_room(instance, eventIndicators, ni, EVENT_INDICATORS, " event indicators", &message)) {
         return fmi2Error;
     }
-    return ni == 0 ? fmi2OK : instance_error(instance, &message, "there are no event indicators");
+    if (slave_event_indicators(&instance->slave, eventIndicators, &message) != 0) {
+        return instance_error(instance, &message, "");
+    }
+    return fmi2OK;
 }

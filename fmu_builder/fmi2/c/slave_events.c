@@ -78,6 +78,18 @@ static void slave_set_states(Slave *slave, const double *states)
     }
 }
 
+/** indicators[0..EVENT_INDICATORS) of the present states and inputs */
+static int slave_event_indicators(Slave *slave, double *indicators, Message *message)
+{
+    if (slave_prepare_model(slave, message) != 0) {
+        return 1;
+    }
+    if (EVENT_INDICATORS > 0) {
+        model_event_indicators(&slave->model, slave->values, indicators);
+    }
+    return 0;
+}
+
 /** leave event mode: the tick that begins here uses the inputs of now */
 static void slave_continue(Slave *slave)
 {

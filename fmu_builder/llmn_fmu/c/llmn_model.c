@@ -71,6 +71,13 @@ static int model_check_states(const Model *model, const double *inputs, Message 
     return 0;
 }
 
+static void model_event_indicators(const Model *model, const double *values, double *indicators)
+{
+    (void)model;
+    (void)values;
+    (void)indicators;
+}
+
 /** exact: only feedthrough and the inputs in derived outputs act at once */
 static void model_directional_derivative(const Model *model, const double *values, const double *direction,
                                          double *change)

@@ -62,6 +62,13 @@ static int model_check_states(const Model *model, const double *inputs, Message 
     return wbm_check_inputs(model, inputs, message) || wbm_check_state(model, model->state, inputs, message);
 }
 
+/* There are none. */
+static void model_event_indicators(const Model *model, const double *values, double *indicators) {
+    (void)model;
+    (void)values;
+    (void)indicators;
+}
+
 /* Exact derivative of outputs and state derivatives along a line of inputs and states. */
 static void model_directional_derivative(
     const Model *model, const double *values, const double *direction, double *change

@@ -117,6 +117,13 @@ static int model_check_states(const Model *model, const double *inputs, Message 
     return 0;
 }
 
+/** where the first state passes 2 + shift, and the second the drive */
+static void model_event_indicators(const Model *model, const double *values, double *indicators)
+{
+    indicators[0] = model->state[0] - (2.0 + model->shift);
+    indicators[1] = values[VARIABLE_drive] - model->state[1];
+}
+
 static void model_directional_derivative(const Model *model, const double *values, const double *direction,
                                          double *change)
 {

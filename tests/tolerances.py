@@ -21,6 +21,7 @@ POLE_FREQUENCY = 0.0006  # Hz: printed with three decimals
 POLE_DAMPING = 0.00006  # printed with four decimals
 MEAN_DAMPING = 0.0006  # printed with three decimals
 ELEMENTARY_ULP = 1.0  # units of the last place: what elementary.c promises for exp, log, sin and cos
+TANH_ULP = 2.5  # units of the last place: a quotient of a sum, each rounded; 2.26 is seen
 WBM_EQUATIONS = (
     1e-12  # of the largest entry: closed forms against acos/atan2, rounding grows at the dead centres
 )

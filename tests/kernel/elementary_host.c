@@ -11,6 +11,7 @@ void evaluate(int function, long long count, const double *x, double *y)
         case 1: y[k] = elementary_sin(x[k]); break;
         case 2: y[k] = elementary_cos(x[k]); break;
         case 3: y[k] = elementary_log(x[k]); break;
+        case 4: y[k] = elementary_tanh(x[k]); break;
         default: y[k] = elementary_sqrt(x[k]); break;
         }
     }

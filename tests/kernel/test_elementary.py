@@ -1,4 +1,4 @@
-"""exp, log, sin, cos and sqrt in C against 50 digits of mpmath."""
+"""exp, log, tanh, sin, cos and sqrt in C against 50 digits of mpmath."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fmu_builder.compiler import load_native
 
 HERE = Path(__file__).parent
 KERNEL = Path(fmu_builder.__file__).parent / "kernel" / "c"
-FUNCTIONS = ("exp", "sin", "cos", "log", "sqrt")
+FUNCTIONS = ("exp", "sin", "cos", "log", "tanh", "sqrt")
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +66,16 @@ def test_log_at_the_edges_of_its_reduction_and_among_the_smallest_numbers(librar
     assert largest_error("log", x, evaluate(library, "log", x)) < tolerances.ELEMENTARY_ULP
     assert evaluate(library, "log", [0.0, 1.0, math.inf]).tolist() == [-math.inf, 0.0, math.inf]
     assert np.isnan(evaluate(library, "log", [-1.0, -math.inf, -5e-324])).all()
+
+
+@pytest.mark.parametrize("high", [1e-300, 1e-9, 0.01, 0.17, 0.35, 0.6, 2.0, 21.9, 30.0])
+def test_tanh_is_within_its_ulps_odd_and_never_above_one(library: ctypes.CDLL, high: float) -> None:
+    x = samples(-high, high, 7)
+    y = evaluate(library, "tanh", x)
+    assert largest_error("tanh", x, y) < tolerances.TANH_ULP
+    assert np.abs(y).max() <= 1.0
+    assert evaluate(library, "tanh", -x).tolist() == (-y).tolist()
+    assert evaluate(library, "tanh", [0.0, math.inf, -math.inf, 1e4]).tolist() == [0.0, 1.0, -1.0, 1.0]
 
 
 @pytest.mark.parametrize("name", ["sin", "cos"])

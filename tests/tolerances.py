@@ -35,6 +35,14 @@ WBM_INTEGRATORS = (
     1e-5  # of an output's span, of millimetres: CVode keeps 1e-9 m and 1e-9 m/s per step; 3e-6 is seen
 )
 STATE_EVENT = 1e-11  # of a state: CVode brackets a root to a few 1e-14 s; 1e-13 is seen
+WBM_BOUNCE = 3e-8  # of a state's span: DOP853 with 1e-10 steps over the kinks; 1.4e-8 is seen with friction
+WBM_BOUNCE_INTEGRATORS = (
+    3e-5  # of an output's span in a second of bounces: every touch widens what CVode lets pass; 1e-5 is seen
+)
+WBM_BOUNCE_ENERGY = 1e-6  # J of some hundred in 1.5 s: a quarter of a millisecond leaves 2e-7 and 4e-7
+HYSTERESIS = 0.05  # relative: asked for; what the arms' own bend adds, 1.4 % is seen
+HYSTERESIS_WITHOUT = 0.001  # of the hysteresis with friction: the rest of a swing, averaged over four seconds
+FRICTION_STEP = 2.7  # step times decay rate: 2.5 is aimed at with an unbent knee, 2.785 is the limit
 SIMULATION = 1e-11  # of the largest output: blocks of rows instead of rows, other order of summation
 RMS_SCALING = 1e-14  # relative: one division and one square root
 HALF_POWER = 0.04  # relative: spectrum of two million samples, 240 windows and a few bins

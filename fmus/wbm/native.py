@@ -87,7 +87,7 @@ def _doubles(values: ArrayLike, size: int, name: str) -> Array:
 
 
 def _refusal(row: int, text: ctypes.Array[ctypes.c_char]) -> FmuError:
-    mend = "Choose inputs within the linkage's reach"
+    mend = "Choose inputs, parameters and an inner step that the model can take"
     return FmuError(Problem(f"white-box model, row {row}", text.value.decode("ascii"), mend))
 
 
@@ -111,7 +111,8 @@ def simulate(
         Shape (rows, 11), columns as OUTPUTS; row k is read after inputs row k were set, before the step.
 
     Raises:
-        FmuError: Wrong shapes, sample time no multiple, inputs out of reach (with the row).
+        FmuError: Wrong shapes, sample time no multiple, inner step too long for the friction, inputs out of
+            reach (with the row).
     """
     u = np.ascontiguousarray(inputs, dtype=np.float64)
     if u.ndim != 2 or u.shape[1] != len(INPUTS) or not u.shape[0]:
@@ -138,7 +139,8 @@ def equilibrium(parameters: PhysicalParameters, inputs: ArrayLike) -> Array:
     """Return the static equilibrium (order as STATES) for one pair of inputs.
 
     Raises:
-        FmuError: The height is out of reach, or no static equilibrium exists there.
+        FmuError: The height is out of reach, or no static equilibrium exists there (none with contact, where
+            the contact is unilateral).
     """
     state, _, code, text = _settled(parameters, inputs)
     if code:

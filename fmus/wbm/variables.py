@@ -49,6 +49,7 @@ def _output(
 
 def _outputs() -> tuple[Variable, ...]:
     force = "force of the collector head's suspension, k_C (zeta - xi) + c_C (zeta_dot - xi_dot)"
+    contact = "contact force, k_E (xi - eta); negative: it pulls, unless the contact is unilateral"
     drift = "horizontal position of the crossbar less the middle of its static range"
     return (
         _output("xi", "m", 1.0, "position of the pan-head", ("xi",)),
@@ -56,7 +57,7 @@ def _outputs() -> tuple[Variable, ...]:
         _output("zeta", "m", 1.0, "position of the crossbar", _ANGLES),
         _output("zeta_dot", "m/s", 1.0, "velocity of the crossbar", _MOTION),
         _output("F_H", "N", 100.0, force, (*_MOTION, "xi", "xi_dot")),
-        _output("F_p", "N", 100.0, "contact force, k_E (xi - eta); negative: it pulls", ("eta", "xi")),
+        _output("F_p", "N", 100.0, contact, ("eta", "xi")),
         _output("phi_1", "rad", 0.1, "angle of the lower arm against the horizontal", ("phi_1",)),
         _output("phi_1_dot", "rad/s", 1.0, "angular velocity of the lower arm", ("phi_1_dot",)),
         _output("delta", "rad", 0.01, "elastic bend of the upper arm at the knee", ("delta",)),
@@ -69,16 +70,24 @@ def _physical() -> Iterator[Variable]:
     """Yield the parameters in the order of the C structure `Parameters`."""
     default = parameter_sets()[parameter_document()["default"]]
     for entry in default.entries:
-        low, high = parameter_document()["parameters"][entry.name]["limits"]
+        item = parameter_document()["parameters"][entry.name]
+        description = f"{entry.description}; at its start value the preset decides"
+        if item.get("type") == "Boolean":
+            start = bool(entry.value)
+            yield Variable(
+                entry.name, type="Boolean", causality="parameter", description=description, start=start
+            )
+            continue
+        low, high = item["limits"]
         yield Variable(
             name=entry.name,
             causality="parameter",
             unit=entry.unit,
-            description=f"{entry.description}; at its start value the preset decides",
+            description=description,
             start=entry.value,
             minimum=low,
             maximum=high,
-            nominal=abs(entry.value),
+            nominal=abs(entry.value) or None,
         )
 
 
@@ -141,4 +150,5 @@ def interface() -> Interface:
         default_step=0.001,
         stop_time=10.0,
         licence="MIT",
+        event_indicators=1,
     )

@@ -14,7 +14,9 @@ from typing import Any
 import sympy as sp
 
 PARAMETERS = sp.symbols(
-    "l1 l2 b c dx dy alpha yA m1 s1 J1 m2 s2 J2 m3 mB mK mC k_C c_C k_d c_d k_E g crossbar_drift_reference",
+    "l1 l2 b c dx dy alpha yA m1 s1 J1 m2 s2 J2 m3 mB mK mC k_C c_C k_d c_d k_E g crossbar_drift_reference"
+    " unilateral friction_base friction_knee friction_rod_end friction_rod_foot friction_bend"
+    " friction_slip_rate friction_stribeck_ratio friction_stribeck_rate",
     real=True,
 )
 STATE = sp.symbols("phi w delta d xi v", real=True)
@@ -36,6 +38,19 @@ def velocity(position: sp.Matrix) -> sp.Matrix:
 
 def square(vector: sp.Matrix) -> sp.Expr:
     return (vector.T * vector)[0]
+
+
+def compression() -> sp.Expr:
+    """How far the wire is pressed up; below zero only where the contact pulls as well."""
+    gap = xi - eta
+    return sp.Piecewise((gap, sp.Or(gap > 0, P["unilateral"] < 1)), (0, True))
+
+
+def joint_torque(coulomb: sp.Expr, rate: sp.Expr) -> sp.Expr:
+    """Dry friction against a joint's rate, Coulomb's after Stribeck's."""
+    breakaway = coulomb * P["friction_stribeck_ratio"]
+    fall = sp.exp(-((rate / P["friction_stribeck_rate"]) ** 2))
+    return (coulomb + (breakaway - coulomb) * fall) * sp.tanh(rate / P["friction_slip_rate"])
 
 
 @functools.cache
@@ -64,7 +79,7 @@ def mechanism() -> dict[str, Any]:
     heights = ((P["m1"], lower[1]), (P["mB"], knee[1]), (P["m2"], upper[1]), (P["mK"], crossbar[1]))
     weight = sum(mass * height for mass, height in (*heights, (P["mC"], xi)))
     weight += P["m3"] * P["c"] / 2 * sp.sin(rho)  # the middle of the rod, from its fixed end
-    springs = P["k_d"] * delta**2 + P["k_C"] * (zeta - xi) ** 2 + P["k_E"] * (xi - eta) ** 2
+    springs = P["k_d"] * delta**2 + P["k_C"] * (zeta - xi) ** 2 + P["k_E"] * compression() ** 2
     potential = P["g"] * weight + springs / 2
     return {
         "theta": theta,
@@ -74,6 +89,7 @@ def mechanism() -> dict[str, Any]:
         "zeta": zeta,
         "zeta_dot": velocity(sp.Matrix([zeta]))[0],
         "drift": crossbar[0] - P["crossbar_drift_reference"],
+        "joints": {"base": phi, "knee": theta - phi, "rod_end": rho - theta, "rod_foot": rho, "bend": delta},
     }
 
 
@@ -110,6 +126,10 @@ def motion() -> list[sp.Expr]:
     head = P["c_C"] * (parts["zeta_dot"] - v)
     relative = sp.Matrix([parts["zeta_dot"] - v]).jacobian(qd).T
     generalised = sp.Matrix([torque, -P["c_d"] * d, 0]) - relative * head
+    for name, angle in parts["joints"].items():
+        turned = sp.Matrix([angle])
+        brake = joint_torque(P[f"friction_{name}"], velocity(turned)[0])
+        generalised -= turned.jacobian(q).T * brake
     conservative = sp.Matrix([sp.diff(kinetic - potential, coordinate) for coordinate in q])
     right = generalised + conservative - momentum.jacobian(q) * qd
     return [*mass, *right]
@@ -133,7 +153,7 @@ def outputs(modules: str = "math") -> Callable[..., list[Any]]:
     parts = mechanism()
     zeta, zeta_dot = parts["zeta"], parts["zeta_dot"]
     crossbar_force = P["k_C"] * (zeta - xi) + P["c_C"] * (zeta_dot - v)
-    contact_force = P["k_E"] * (xi - eta)
+    contact_force = P["k_E"] * compression()
     rest = [crossbar_force, contact_force, phi, w, delta, d, parts["drift"]]
     return _compiled([xi, v, zeta, zeta_dot, *rest], modules)
 

@@ -202,7 +202,10 @@ def test_every_parameter_is_shown_with_its_limits() -> None:
     shown = [v for v in interface().variables if v.causality == "parameter" and v.name in known]
     assert [v.name for v in shown] == list(known)
     for chosen in parameter_sets().values():
-        assert all(v.minimum <= chosen[v.name] <= v.maximum and v.variability == "fixed" for v in shown)
+        assert all(v.variability == "fixed" for v in shown)
+        numbers = [v for v in shown if v.type != "Boolean"]
+        assert all(v.minimum <= chosen[v.name] <= v.maximum for v in numbers)
+        assert [v.name for v in shown if v.type == "Boolean"] == ["unilateral"]
 
 
 def test_impossible_parameters_are_refused(open_fmu: Callable[..., object]) -> None:

@@ -1,11 +1,13 @@
 /* The one file that is compiled for the FMU pantograph_wbm. */
 #include "elementary.c"
 #include "message.c"
+#include "wbm_friction.c"
 #include "wbm_equations.c"
 #include "wbm_parameters.h"
 #include "variables.h"
 #include "wbm_tangent.c"
 #include "wbm_motion.c"
+#include "wbm_step.c"
 #include "wbm_model.c"
 #include "slave.c"
 #include "functions.c"

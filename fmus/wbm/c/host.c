@@ -1,9 +1,11 @@
 /* The white-box model as a library for Python: whole records in one call, any parameters, no FMI. */
 #include "elementary.c"
 #include "message.c"
+#include "wbm_friction.c"
 #include "wbm_equations.c"
 #include "wbm_tangent.c"
 #include "wbm_motion.c"
+#include "wbm_step.c"
 
 enum { PARAMETER_COUNT = (int)(sizeof(Parameters) / sizeof(double)) };
 
@@ -90,5 +92,5 @@ void wbm_tangent(const double *parameters, const double *state, const double *in
     const Parameters named = host_parameters(parameters);
     const Constants constants = wbm_constants(&named);
     wbm_derivatives_tangent(&constants, state, inputs, d_state, d_inputs, d_rate);
-    wbm_outputs_tangent(&constants, state, d_state, d_inputs, d_outputs);
+    wbm_outputs_tangent(&constants, state, inputs, d_state, d_inputs, d_outputs);
 }

@@ -11,6 +11,9 @@ typedef struct {
     double m1, s1, J1, m2, s2, J2, m3, mB, mK, mC;
     double k_C, c_C, k_d, c_d, k_E, g;
     double crossbar_drift_reference;
+    double unilateral; /* 0 or 1 */
+    double friction_base, friction_knee, friction_rod_end, friction_rod_foot, friction_bend;
+    double friction_slip_rate, friction_stribeck_ratio, friction_stribeck_rate;
 } Parameters;
 
 /* What the equations need of the parameters, computed once. */
@@ -28,6 +31,8 @@ typedef struct {
     double lower_gravity;     /* g (m1 s1 + mm l1) */
     double upper_gravity;     /* g S2 */
     double rod_gravity;       /* g m3 c / 2 */
+    double unilateral;        /* 1 where the pan-head may leave the wire, else 0 */
+    Friction friction;
 } Constants;
 
 /* Order of the states: thesis eq. (2.1). */
@@ -49,6 +54,22 @@ typedef struct {
     double arm_x, arm_y, lever;                /* R = C - D, b R.n(theta) */
     double zeta, zeta_phi, zeta_delta;         /* zeta, z1 = dzeta/dphi1, z2 = dzeta/ddelta */
 } Geometry;
+
+static Friction wbm_friction(const Parameters *p) {
+    Friction f;
+    int n;
+    f.coulomb[JOINT_BASE] = p->friction_base;
+    f.coulomb[JOINT_KNEE] = p->friction_knee;
+    f.coulomb[JOINT_ROD_END] = p->friction_rod_end;
+    f.coulomb[JOINT_ROD_FOOT] = p->friction_rod_foot;
+    f.bend = p->friction_bend;
+    f.excess = p->friction_stribeck_ratio - 1.0;
+    f.inverse_slip = 1.0 / p->friction_slip_rate;
+    f.inverse_stribeck = 1.0 / p->friction_stribeck_rate;
+    f.acts = f.bend != 0.0 ? 1.0 : 0.0;
+    for (n = 0; n < JOINTS; ++n) f.acts = f.coulomb[n] != 0.0 ? 1.0 : f.acts;
+    return f;
+}
 
 static Constants wbm_constants(const Parameters *p) {
     Constants k;
@@ -79,6 +100,8 @@ static Constants wbm_constants(const Parameters *p) {
     k.lower_gravity = p->g * (p->m1 * p->s1 + carried * p->l1);
     k.upper_gravity = p->g * static_moment;
     k.rod_gravity = 0.5 * p->g * p->m3 * p->c;
+    k.unilateral = p->unilateral;
+    k.friction = wbm_friction(p);
     return k;
 }
 
@@ -166,19 +189,34 @@ static void wbm_solve(const Dynamics *m, double q1, double q2, double *rate) {
     rate[STATE_DELTA_DOT] = (q2 * m->m11 - q1 * m->m12) * inverse;
 }
 
+/* Whether the pan-head is off the wire, which only a unilateral contact allows. */
+static int wbm_is_off(const Constants *k, const double *x, const double *u) {
+    return k->unilateral != 0.0 && x[STATE_XI] < u[INPUT_ETA];
+}
+
+/* F_p = k_E (xi - eta_eff); eta_eff is eta, of a unilateral contact min(eta, xi). */
+static double wbm_contact_force(const Constants *k, const double *x, const double *u) {
+    const double eta_eff = wbm_is_off(k, x, u) ? x[STATE_XI] : u[INPUT_ETA];
+    return k->k_E * (x[STATE_XI] - eta_eff);
+}
+
 /* Time derivatives of the six states: M(q) qdd + h = Q. */
 static void wbm_derivatives(const Constants *k, const double *x, const double *u, double *rate) {
     const Geometry s = wbm_geometry(k, x[STATE_PHI_1], x[STATE_DELTA]);
     const Dynamics m = wbm_dynamics(k, &s, x);
     const double ww = x[STATE_PHI_1_DOT] * x[STATE_PHI_1_DOT];
-    const double contact_force = k->k_E * (x[STATE_XI] - u[INPUT_ETA]); /* F_p = k_E (xi - eta) */
+    const double contact_force = wbm_contact_force(k, x, u);
     /* V1 = g (m1 s1 + mm l1) cos phi1 + g S2 cos psi theta' + g m3 c/2 cos rho rho', V2 = g S2 cos psi */
     const double v2 = k->upper_gravity * s.cos_psi;
     const double v1 = k->lower_gravity * s.cos_phi + v2 * s.theta_1 + k->rod_gravity * s.cos_rho * s.rho_1;
-    const double q1 = u[INPUT_TORQUE] - v1 - (m.shape_1 * ww - m.swing * m.turning * m.turning)
-                    - m.crossbar_force * s.zeta_phi;
-    const double q2 = -k->k_d * x[STATE_DELTA] - k->c_d * x[STATE_DELTA_DOT] - v2 - m.shape_2 * ww
-                    - m.crossbar_force * s.zeta_delta;
+    double q1 = u[INPUT_TORQUE] - v1 - (m.shape_1 * ww - m.swing * m.turning * m.turning)
+              - m.crossbar_force * s.zeta_phi;
+    double q2 = -k->k_d * x[STATE_DELTA] - k->c_d * x[STATE_DELTA_DOT] - v2 - m.shape_2 * ww
+              - m.crossbar_force * s.zeta_delta;
+    if (k->friction.acts != 0.0) {
+        q1 -= friction_on_arm(&k->friction, s.theta_1, s.rho_1, x[STATE_PHI_1_DOT]);
+        q2 -= friction_torque(&k->friction, k->friction.bend, x[STATE_DELTA_DOT]);
+    }
     wbm_solve(&m, q1, q2, rate);
     rate[STATE_PHI_1] = x[STATE_PHI_1_DOT];
     rate[STATE_DELTA] = x[STATE_DELTA_DOT];
@@ -195,7 +233,7 @@ static void wbm_outputs(const Constants *k, const double *x, const double *u, do
     y[OUTPUT_ZETA] = s.zeta;
     y[OUTPUT_ZETA_DOT] = m.zeta_dot;
     y[OUTPUT_F_H] = m.crossbar_force;
-    y[OUTPUT_F_P] = k->k_E * (x[STATE_XI] - u[INPUT_ETA]);
+    y[OUTPUT_F_P] = wbm_contact_force(k, x, u);
     y[OUTPUT_PHI_1] = x[STATE_PHI_1];
     y[OUTPUT_PHI_1_DOT] = x[STATE_PHI_1_DOT];
     y[OUTPUT_DELTA] = x[STATE_DELTA];

@@ -62,11 +62,9 @@ static int model_check_states(const Model *model, const double *inputs, Message 
     return wbm_check_inputs(model, inputs, message) || wbm_check_state(model, model->state, inputs, message);
 }
 
-/* There are none. */
+/* A unilateral contact has a kink where the pan-head leaves the wire or touches it; otherwise nothing ever happens. */
 static void model_event_indicators(const Model *model, const double *values, double *indicators) {
-    (void)model;
-    (void)values;
-    (void)indicators;
+    indicators[0] = model->constants.unilateral != 0.0 ? model->state[STATE_XI] - values[VARIABLE_eta] : 1.0;
 }
 
 /* Exact derivative of outputs and state derivatives along a line of inputs and states. */
@@ -78,7 +76,7 @@ static void model_directional_derivative(
     double dx[STATE_COUNT];
     int n;
     for (n = 0; n < STATE_COUNT; ++n) dx[n] = direction[continuous_state[n].state];
-    wbm_outputs_tangent(&model->constants, model->state, dx, du, change + VARIABLE_xi);
+    wbm_outputs_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_xi);
     wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_der_phi_1);
 }
 
@@ -100,6 +98,6 @@ static int model_start_derivative(
         }
     }
     wbm_equilibrium_tangent(&model->constants, model->state, inputs, du, dx);
-    wbm_outputs_tangent(&model->constants, model->state, dx, du, change + VARIABLE_xi);
+    wbm_outputs_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_xi);
     return 0;
 }

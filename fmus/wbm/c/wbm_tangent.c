@@ -1,6 +1,7 @@
 /* Tangent-linear model: the exact derivative of accelerations and outputs in one direction of states and inputs.
 
-   Line by line the derivative of wbm_equations.c; d_... is the change of ... along the direction. */
+   Line by line the derivative of wbm_equations.c and wbm_friction.c; d_... is the change of ... along the direction. Where
+   the pan-head just touches the wire, it is the derivative of the side of contact. */
 
 /* Changes of the geometry with phi1 and delta. */
 typedef struct {
@@ -79,6 +80,14 @@ static DynamicsTangent wbm_dynamics_tangent(
     return n;
 }
 
+/* Change of F_p: off the wire eta_eff goes with xi. */
+static double wbm_contact_force_tangent(
+    const Constants *k, const double *x, const double *u, const double *dx, const double *du
+) {
+    const double d_eta_eff = wbm_is_off(k, x, u) ? dx[STATE_XI] : du[INPUT_ETA];
+    return k->k_E * (dx[STATE_XI] - d_eta_eff);
+}
+
 /* Change of the state derivatives for a change dx of the states and du of the inputs. */
 static void wbm_derivatives_tangent(
     const Constants *k, const double *x, const double *u, const double *dx, const double *du, double *d_rate
@@ -88,7 +97,7 @@ static void wbm_derivatives_tangent(
     const Dynamics m = wbm_dynamics(k, &s, x);
     const DynamicsTangent n = wbm_dynamics_tangent(k, &s, &t, &m, x, dx);
     const double w = x[STATE_PHI_1_DOT], ww = w * w, d_ww = 2.0 * w * dx[STATE_PHI_1_DOT];
-    const double d_contact = k->k_E * (dx[STATE_XI] - du[INPUT_ETA]);
+    const double d_contact = wbm_contact_force_tangent(k, x, u, dx, du);
     const double d_h1 = d_ww * m.shape_1 + ww * n.d_shape_1
                       - (n.d_swing * m.turning + 2.0 * m.swing * n.d_turning) * m.turning;
     const double d_h2 = d_ww * m.shape_2 + ww * n.d_shape_2;
@@ -103,6 +112,11 @@ static void wbm_derivatives_tangent(
        - n.d_m11 * rate[STATE_PHI_1_DOT] - n.d_m12 * rate[STATE_DELTA_DOT];
     q2 = -k->k_d * dx[STATE_DELTA] - k->c_d * dx[STATE_DELTA_DOT] - d_v2 - d_h2
        - n.d_crossbar_force * s.zeta_delta - m.crossbar_force * t.d_zeta_delta - n.d_m12 * rate[STATE_PHI_1_DOT];
+    if (k->friction.acts != 0.0) {
+        const double slope = friction_slope(&k->friction, k->friction.bend, x[STATE_DELTA_DOT]);
+        q1 -= friction_on_arm_tangent(&k->friction, s.theta_1, s.rho_1, w, t.d_theta_1, t.d_rho_1, dx[STATE_PHI_1_DOT]);
+        q2 -= slope * dx[STATE_DELTA_DOT];
+    }
     wbm_solve(&m, q1, q2, d_rate);
     d_rate[STATE_PHI_1] = dx[STATE_PHI_1_DOT];
     d_rate[STATE_DELTA] = dx[STATE_DELTA_DOT];
@@ -111,7 +125,9 @@ static void wbm_derivatives_tangent(
 }
 
 /* Change of the outputs for a change dx of the states and du of the inputs. */
-static void wbm_outputs_tangent(const Constants *k, const double *x, const double *dx, const double *du, double *dy) {
+static void wbm_outputs_tangent(
+    const Constants *k, const double *x, const double *u, const double *dx, const double *du, double *dy
+) {
     const Geometry s = wbm_geometry(k, x[STATE_PHI_1], x[STATE_DELTA]);
     const GeometryTangent t = wbm_geometry_tangent(k, &s, dx[STATE_PHI_1], dx[STATE_DELTA]);
     const Dynamics m = wbm_dynamics(k, &s, x);
@@ -121,7 +137,7 @@ static void wbm_outputs_tangent(const Constants *k, const double *x, const doubl
     dy[OUTPUT_ZETA] = t.d_zeta;
     dy[OUTPUT_ZETA_DOT] = n.d_zeta_dot;
     dy[OUTPUT_F_H] = n.d_crossbar_force;
-    dy[OUTPUT_F_P] = k->k_E * (dx[STATE_XI] - du[INPUT_ETA]);
+    dy[OUTPUT_F_P] = wbm_contact_force_tangent(k, x, u, dx, du);
     dy[OUTPUT_PHI_1] = dx[STATE_PHI_1];
     dy[OUTPUT_PHI_1_DOT] = dx[STATE_PHI_1_DOT];
     dy[OUTPUT_DELTA] = dx[STATE_DELTA];

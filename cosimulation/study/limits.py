@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cosimulation.settings import Section
 from identification.scores import FIELDS
@@ -37,11 +37,25 @@ class Limit(Section):
     worst: float | None = Field(
         None, description="smallest worst value that passes, of a measure the largest"
     )
+    total: float | None = Field(
+        None, description="largest sum over all matching records that passes, of a measure that counts"
+    )
     stretch: float | None = Field(None, description="a median to strive for; never fails [%]")
     thesis: float | None = Field(None, description="the thesis's figure, for comparison [%]")
     yardstick: Where | None = Field(
         None, description="fields of records that say what exact linearisations reach in the same place"
     )
+
+    @model_validator(mode="after")
+    def _counts_a_measure(self) -> Limit:
+        if self.total is not None and self.measure is None:
+            raise ValueError(f"limit {self.label!r}: total is of a measure")
+        return self
+
+    @property
+    def asked(self) -> tuple[tuple[str, float | None], ...]:
+        """What decides, with its bound."""
+        return ("median", self.median), ("worst", self.worst), ("total", self.total)
 
 
 @dataclass(frozen=True)
@@ -56,6 +70,8 @@ class Verdict:
         yardstick: Median of the limit's yardstick [%]; None without one.
         passed: None for a limit that only prints.
         unit: Of a measure; % for a FIT.
+        total: Sum over all matching records of a measure.
+        records: How many they are.
     """
 
     limit: Limit
@@ -65,15 +81,18 @@ class Verdict:
     yardstick: float | None
     passed: bool | None
     unit: str = "%"
+    total: float = float("nan")
+    records: int = 0
+
+    @property
+    def counted(self) -> str:
+        """The sum and of how many records it is, as text."""
+        return f"{self.total:g} of {self.records}"
 
     def line(self) -> str:
         """Return one line of text."""
         sign = "<=" if self.limit.measure else ">="
-        asked = [
-            f"{name} {sign} {value:g}"
-            for name, value in (("median", self.limit.median), ("worst", self.limit.worst))
-            if value is not None
-        ]
+        asked = [f"{name} {sign} {value:g}" for name, value in self.limit.asked if value is not None]
         word = {True: "pass", False: "FAIL", None: "printed"}[self.passed]
         if self.limit.stretch is not None:
             asked.append(f"stretch {self.limit.stretch:g}")
@@ -82,6 +101,8 @@ class Verdict:
         bound = f" (exact linearisations {self.yardstick:.3f})" if failed else ""
         seeds = plural(self.seeds, "seed")
         measured = f"median {self.median:7.3f}  worst {self.worst:7.3f}  ({seeds})"
+        if self.limit.total is not None:
+            measured = self.counted
         return f"{word:<8}{self.limit.label:<62}{measured}  {', '.join(asked)}{thesis}{bound}"
 
 
@@ -128,17 +149,21 @@ def _judge_measure(limit: Limit, measures: Sequence[Mapping[str, Any]]) -> Verdi
     if unknown := sorted({key for one in named for key in limit.where if key not in one}):
         raise KeyError(f"limit {limit.label!r}: no such field {', '.join(unknown)}")
     by_seed: dict[int, float] = {}
+    found: list[float] = []
     for one in named:
         if all(_matches(one[key], value) for key, value in limit.where.items()):
             value = np.inf if one["value"] is None else float(one["value"])
             by_seed[one["seed"]] = max(value, by_seed.get(one["seed"], -np.inf))
+            found.append(value)
     values = list(by_seed.values())
     median = float(np.median(values)) if values else float("nan")
     worst = float(np.max(values)) if values else float("nan")
-    asked = [value <= bound for value, bound in ((median, limit.median), (worst, limit.worst))
-             if bound is not None]  # fmt: skip
+    total = float(np.sum(found)) if found else float("nan")
+    bounds = ((median, limit.median), (worst, limit.worst), (total, limit.total))
+    asked = [value <= bound for value, bound in bounds if bound is not None]
     unit = named[0]["unit"] if named else ""
-    return Verdict(limit, median, worst, len(values), None, all(asked) if asked else None, unit)
+    passed = all(asked) if asked else None
+    return Verdict(limit, median, worst, len(values), None, passed, unit, total, len(found))
 
 
 def _matches(held: Any, wanted: Any) -> bool:

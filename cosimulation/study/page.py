@@ -122,7 +122,7 @@ def asked(limit: Limit) -> str:
     sign = "\N{LESS-THAN OR EQUAL TO}" if limit.measure else "\N{GREATER-THAN OR EQUAL TO}"
     parts = [
         f"{name} {sign} {value:g}"
-        for name, value in (("median", limit.median), ("worst", limit.worst), ("stretch", limit.stretch))
+        for name, value in (*limit.asked, ("stretch", limit.stretch))
         if value is not None
     ]
     return ", ".join(parts)

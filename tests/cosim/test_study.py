@@ -165,6 +165,18 @@ def test_measures_have_largest_values() -> None:
     assert judge(Limit(label="x", measure="error", where={}, median=2.9), [], measures).passed is False
 
 
+def test_what_is_counted_has_a_largest_sum() -> None:
+    measures = [measure(1, 1.0), measure(1, 0.0), measure(2, 1.0), measure(3, 0.0, wbm="B")]
+    limit = Limit(label="x", measure="error", where={"wbm": "A"}, total=2)
+    verdict = judge(limit, [], measures)
+    assert verdict.passed is True and "2 of 3" in verdict.line() and "total <= 2" in verdict.line()
+    assert judge(limit.model_copy(update={"total": 1.0}), [], measures).passed is False
+    assert judge(limit, [], []).passed is False
+    assert judge(limit, [], [measure(1, None)]).passed is False
+    with pytest.raises(ValueError, match="total is of a measure"):
+        Limit(label="x", where={}, total=2)
+
+
 def test_a_measure_that_could_not_be_taken_never_passes() -> None:
     limit = Limit(label="x", measure="error", where={"wbm": "A"}, worst=5.0)
     assert judge(limit, [], [measure(1, 1.0), measure(1, None)]).passed is False

@@ -30,7 +30,7 @@ whole_range_duration = 20.0
 processes = 2
 
 [local_optima]
-draws = 1
+data_seeds = 2
 starts = 3
 
 [[tables]]
@@ -83,6 +83,12 @@ where = { wbm = "Blow", route = "eight", which = "recommended", noise = "1e-5 m,
 worst = 2.0
 
 [[limits]]
+label = "searches that miss"
+measure = "global optimum missed"
+where = {}
+total = 0
+
+[[limits]]
 label = "theta out of reach"
 measure = "error of theta"
 where = { wbm = "Blow", route = "eight", which = "physical", noise = "none", parameter = "m_M" }
@@ -95,7 +101,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("surrogate")
     (folder / "small.toml").write_text(SMALL, encoding="utf-8")
     result = run_study("surrogate", folder / "out", folder / "small.toml")
-    assert [verdict.passed for verdict in result.verdicts] == [True, True, False]
+    assert [verdict.passed for verdict in result.verdicts] == [True, True, True, False]
     return folder / "out"
 
 
@@ -153,6 +159,7 @@ def test_the_page_shows_everything(small: Path) -> None:
         "mode L",
         "delta_M_dot",
         "at the global optimum",
+        "0 of 8",
         ">pass<",
         ">FAIL<",
     ):

@@ -23,17 +23,16 @@ from identification.surrogate import (
 
 MISSED = "global optimum missed"
 _OTHER_DATA = 10_000
-"""Added to the seed for every further draw: nothing drawn before comes again."""
+"""Added to the seeds of the study when they are used up: nothing drawn before comes again."""
 
 
 @dataclass(frozen=True)
 class OptimaTask:
-    """One white-box set, one seed, one draw of data."""
+    """One white-box set, one seed of the data."""
 
     fmu: Path
     wbm: str
     seed: int
-    draw: int
     settings: SurrogateStudySettings
 
 
@@ -41,18 +40,17 @@ def optima_tasks(settings: SurrogateStudySettings, fmu: Path) -> list[OptimaTask
     """Return the tasks of the search for local optima."""
     if settings.local_optima is None:
         return []
-    return [
-        OptimaTask(fmu, wbm, seed, draw, settings)
-        for wbm in settings.sets
-        for seed in settings.seeds
-        for draw in range(settings.local_optima.draws)
+    known = len(settings.seeds)
+    seeds = [
+        settings.seeds[k % known] + _OTHER_DATA * (k // known)
+        for k in range(settings.local_optima.data_seeds)
     ]
+    return [OptimaTask(fmu, wbm, seed, settings) for wbm in settings.sets for seed in seeds]
 
 
 def run_optima(task: OptimaTask, wanted: LocalOptimaSettings) -> list[dict[str, Any]]:
     """Return a record per operating point: final errors of the fit as it ships and of random starts."""
-    heights = centres(4)
-    seed = task.seed + _OTHER_DATA * task.draw
+    heights, seed = centres(4), task.seed
     data, _ = study_data(task.fmu, task.wbm, seed, operating_points(heights, "train", task.settings.duration))
     structure, head = STRUCTURES[wanted.structure], head_of(task.wbm)
     usual = FrequencyResponseSettings()
@@ -71,7 +69,7 @@ def run_optima(task: OptimaTask, wanted: LocalOptimaSettings) -> list[dict[str, 
         errors = [float(np.sqrt(cost / size)) for cost in random.costs.values()]
         lowest = min([shipped.relative_error, *errors])
         missed = shipped.relative_error**2 > lowest**2 * (1.0 + usual.agreement)
-        labels = {"wbm": task.wbm, "seed": task.seed, "draw": task.draw, "noise": wanted.noise}
+        labels = {"wbm": task.wbm, "seed": seed, "noise": wanted.noise}
         labels |= {"height": height, "point": operating_point_name(height)}
         found.append(
             {
@@ -83,5 +81,5 @@ def run_optima(task: OptimaTask, wanted: LocalOptimaSettings) -> list[dict[str, 
                 "random": errors,
             }
         )
-        found.append({"measure": MISSED, **labels, "value": 100.0 * missed, "unit": "%"})
+        found.append({"measure": MISSED, **labels, "value": float(missed), "unit": ""})
     return found

@@ -68,7 +68,7 @@ class LocalOptimaSettings(Section):
 
     structure: Literal["chain7", "chain8", "chain9", "chain10"] = "chain8"
     noise: Noise = ACCEPTANCE_NOISE
-    draws: int = Field(3, ge=1, description="data sets of each seed, at every operating point")
+    data_seeds: int = Field(20, ge=1, description="data sets at every operating point of a white-box set")
     starts: int = Field(20, ge=1, description="random starts that the fit has to stand up to")
 
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.signal import welch
 
 from fmu_builder.errors import IdentificationError
@@ -53,9 +53,15 @@ class FrequencyResponseSettings(BaseModel):
     start: Literal["closed form", "random"] = "closed form"
     random_starts: int = Field(10, ge=0)
     largest_error: float = Field(0.05, gt=0.0)
-    seed: int = 0
+    seed: int = Field(0, ge=0)
     iterations: int = Field(200, ge=1)
     agreement: float = Field(1e-3, gt=0.0)
+
+    @model_validator(mode="after")
+    def _rises(self) -> FrequencyResponseSettings:
+        if not self.lowest < self.highest:
+            raise ValueError(f"lowest, {self.lowest:g} Hz, is not below highest, {self.highest:g} Hz")
+        return self
 
     def frequencies(self) -> Array:
         """Return the frequencies, Hz, ascending."""
@@ -160,9 +166,13 @@ def fit_frequency_response(
         extra_starts: Further starts by name, each theta (P,).
 
     Raises:
-        IdentificationError: A signal is missing, or no start leads anywhere finite.
+        IdentificationError: A signal is missing, a frequency is beyond what sampling can show, or no start
+            leads anywhere finite.
     """
     frequencies = settings.frequencies()
+    if settings.highest * model.sample_time >= 0.5:
+        what = f"{settings.highest:g} Hz is not below half the sampling frequency"
+        raise IdentificationError.of("frequency_response.highest", what, "Give a lower frequency")
     response = local_response(model, frequencies)
     weights = response_weights(response, spectrum, frequencies)
     problem = _ResponseProblem(response, weights, structure, head, model.sample_time, frequencies)

@@ -27,6 +27,7 @@ from identification.surrogate.structure import STRUCTURES
 from identification.surrogate.training import Frame, criterion_of, cut
 from identification.validity import equidistant_centres
 
+_ROWS_PER_NUMBER = 10
 _SCHEDULE_TOLERANCE = 1e-3
 """Relative gain that ends the search for warp and kappa of a theta that does not move."""
 
@@ -57,18 +58,20 @@ def identify(
 
     Raises:
         DataError: Columns are missing.
-        IdentificationError: Other signals, other sample times, no data, or no theta with a finite cost.
+        IdentificationError: Other signals, other sample times, too few data, stages that do not end with
+            the local models, or no theta with a finite cost.
         BuildError: The recursion cannot be compiled.
     """
     chosen = settings or SurrogateSettings()
-    _check(local, training, validation)
+    _check(local, chosen, training, validation)
     for experiment in (*training, *validation):
         experiment.select((*INPUT_NAMES, *SIGNALS))
     criterion = criterion_of(training, local.static_map, head, chosen.output_error.contact_force_weight)
     frame = Frame(chosen, local, head, tuple(float(centre) for centre in local.centres), criterion)
+    used = cut(training, chosen.training_rows)
+    _enough(frame, used)
     spectrum = _spectrum(frame, training)
     responses = _responses(frame, spectrum)
-    used = cut(training, chosen.training_rows)
     physical = _completed(frame, used, np.stack([fit.theta for fit in responses]))
     tuning = _tuned(frame, used, physical) if chosen.output_error.enabled else None
     tuned = physical if tuning is None else tuning.parameters
@@ -238,9 +241,32 @@ def judged(
     return Recommendation("tuned" if better else "physical", reason, data, cost, contact_force)  # type: ignore[arg-type]
 
 
-def _check(local: LocalModels, training: Sequence[DataSet], validation: Sequence[DataSet]) -> None:
+def _enough(frame: Frame, data: Sequence[DataSet]) -> None:
+    """Refuse data that are too few to tune what is to be tuned.
+
+    Raises:
+        IdentificationError: Fewer than ten rows for every number.
+    """
+    problem = frame.problem(data)
+    wanted = _ROWS_PER_NUMBER * len(problem.names)
+    if frame.settings.output_error.enabled and problem.rows < wanted:
+        what = f"{problem.rows} rows are too few for the {len(problem.names)} numbers of the surrogate"
+        mend = f"Give at least {wanted} rows of whole-range data, and longer training_rows if they are given"
+        raise IdentificationError.of("training data", what, mend)
+
+
+def _check(
+    local: LocalModels,
+    settings: SurrogateSettings,
+    training: Sequence[DataSet],
+    validation: Sequence[DataSet],
+) -> None:
     """Refuse what does not belong together, all problems at once."""
     found = []
+    stages = settings.output_error.stages
+    if stages and stages[-1] != len(local.models):
+        what = f"end with {stages[-1]} local models, but there are {len(local.models)}"
+        found.append(Problem("output_error.stages", what, f"End with {len(local.models)}"))
     if not training:
         found.append(Problem("surrogate", "has no training data", "Give a whole-range experiment"))
     for data in (*training, *validation):

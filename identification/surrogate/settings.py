@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from fmu_builder.kernel import CHAINS
 from fmu_builder.parameter_set import Validity
 from identification.network import NetworkSettings
 from identification.surrogate.frequency_response import FrequencyResponseSettings
@@ -14,6 +17,18 @@ from identification.surrogate.problem import DEVIATION_OUTPUT
 from identification.validity import NODES
 
 StructureName = Literal["chain7", "chain8", "chain9", "chain10"]
+
+
+def _not_finite(value: object, place: str = "") -> Iterator[str]:
+    """Yield every number in nested settings that is infinite or not a number."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _not_finite(item, f"{place}.{key}" if place else str(key))
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _not_finite(item, place)
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield f"{place} is {value}: give a finite number"
 
 
 class SurrogateSettings(BaseModel):
@@ -69,7 +84,27 @@ class SurrogateSettings(BaseModel):
             raise ValueError("training_rows are the first and the last sample, counted from 1")
         if any(count < 1 for count in self.output_error.stages):
             raise ValueError("every stage has at least one local model")
+        if self.warp != "tuned" and self.chosen_validity != "cubic_warp":
+            raise ValueError(f"the warp belongs to cubic_warp, the validity is {self.chosen_validity}")
+        if wrong := [*_not_finite(self.model_dump()), *self._start_problems()]:
+            raise ValueError("; ".join(wrong))
         return self
+
+    def _start_problems(self) -> Iterator[str]:
+        """Yield what is wrong with the start that output error is given."""
+        start = self.output_error.single_start
+        if start is None:
+            return
+        known = {one.name: one for one in CHAINS[self.structure]}
+        place = "output_error.single_start"
+        if strange := [name for name in start if name not in known]:
+            yield f"{place}: {self.structure} has no {', '.join(strange)}"
+        if missing := [name for name in known if name not in start]:
+            yield f"{place}: lacks {', '.join(missing)}"
+        for name in set(start) & set(known):
+            low, high = known[name].lower, known[name].upper
+            if not low <= start[name] <= high:
+                yield f"{place}: {name} = {start[name]:g} lies outside {low:g} .. {high:g} {known[name].unit}"
 
     @property
     def chosen_validity(self) -> Validity:

@@ -18,7 +18,7 @@ from identification import n4sid, surrogate
 from identification.data_set import DataSet
 from identification.excitation import operating_point_inputs, whole_range_inputs, with_measurement_noise
 from identification.scores import fit_percent
-from identification.surrogate import SIGNALS, THESIS, Head, SurrogateResult, SurrogateSettings
+from identification.surrogate import REASONED_START, SIGNALS, THESIS, Head, SurrogateResult, SurrogateSettings
 from identification.surrogate.chain import OUTPUT_NAMES
 from identification.surrogate.job import judged
 from identification.surrogate.problem import NetworkParameters
@@ -362,6 +362,20 @@ def test_few_local_models_have_nothing_to_blend_or_little(count: int) -> None:
         ({"blending": "matrices", "validity": "cubic_warp"}, "warp"),
         ({"training_rows": (10, 5)}, "training_rows"),
         ({"output_error": {"stages": (0, 4)}}, "stage"),
+        ({"blending": "matrices", "warp": (1.0, 0.0)}, "cubic_warp"),
+        ({"deviation_gain": float("nan")}, "deviation_gain is nan"),
+        ({"warp": (0.0, float("inf"))}, "warp is inf"),
+        (
+            {"output_error": {"contact_force_weight": float("inf")}},
+            "output_error.contact_force_weight is inf",
+        ),
+        ({"frequency_response": {"lowest": 40.0, "highest": 0.4}}, "40 Hz, is not below highest"),
+        ({"frequency_response": {"seed": -1}}, "greater than or equal to 0"),
+        ({"output_error": {"single_start": {"m_h": 8.0}}}, "has no m_h.*lacks m_H, m_M, k_L"),
+        (
+            {"structure": "chain7", "output_error": {"single_start": {**REASONED_START, "m_M": -20.0}}},
+            "m_M = -20 lies outside 5 .. 50 kg",
+        ),
     ],
 )
 def test_settings_that_contradict_each_other_are_refused(changes: dict[str, object], word: str) -> None:
@@ -378,5 +392,13 @@ def test_what_does_not_fit_is_refused_together(clean) -> None:
     assert len(caught.value.problems) == 2
     with pytest.raises(IdentificationError, match="no training data"):
         surrogate.identify(result.local, [], HEAD)
+    stages = SurrogateSettings(output_error={"stages": (1, 2, 5)})
+    with pytest.raises(IdentificationError, match="end with 5 local models, but there are 4"):
+        surrogate.identify(result.local, [training], HEAD, stages)
+    with pytest.raises(IdentificationError, match="12 rows are too few for the 34 numbers"):
+        surrogate.identify(result.local, [training], HEAD, SurrogateSettings(training_rows=(1, 12)))
+    fast = SurrogateSettings(frequency_response={"highest": 500.0})
+    with pytest.raises(IdentificationError, match="500 Hz is not below half the sampling frequency"):
+        surrogate.identify(result.local, [training], HEAD, fast)
     with pytest.raises(DataError, match="F_p"):
         surrogate.identify(result.local, [training.select(("eta", "M_pa", *OUTPUT_NAMES, "F_H"))], HEAD)

@@ -103,8 +103,7 @@ def surrogate_warnings(
     """Return what whole-range training data say against a surrogate."""
     known = result.frame.local.settings
     mend = "Use another structure, or look whether the head is the right one"
-    fits = result.fit_after if result.recommended == "tuned" else result.fit_before
     return (
         *stray_data(training, known.scheduling, (known.low, known.high)),
-        *poor_fits("surrogate on whole-range data, ", fits, mend),
+        *poor_fits("surrogate on whole-range data, ", result.fit, mend),
     )

@@ -325,12 +325,13 @@ def _diagnostics(result: surrogates.SurrogateResult) -> dict[str, Any]:
     }
     return {
         "theta": f"{which} ({result.reason})",
-        "start": [fit.start + (f" ({fit.fallback})" if fit.fallback else "") for fit in result.responses],
+        "start of the frequency-response fits": [fit.account for fit in result.responses],
+        "start of output error": result.tuned_from or "not asked for",
         **thetas,
         "at a bound": [dict(row) for row in result.at_bound(which)],
-        "hardly told apart": list(result.correlated()),
-        "how sure": list(result.certainty.remarks) if result.certainty else [],
-        "FIT on training data [%]": dict(result.fit_after),
+        "not told by the data": list(result.remarks(which)),
+        "hardly told apart after output error": list(result.correlated()),
+        "FIT on training data [%]": dict(result.fit),
     }
 
 

@@ -11,12 +11,35 @@ from cosimulation.report.figures.drawing import PALETTE
 from cosimulation.report.figures.theta import ThetaPanel, ThetaSeries, theta_figure
 from cosimulation.report.tables import Cell, Row, number, significant
 from cosimulation.report.views import SetView
-from identification.surrogate import SurrogateResult, Which
+from identification.surrogate import LARGEST_CONDITION, STATE_NAMES, SurrogateResult, Which
 
 THETAS: tuple[tuple[Which, str], ...] = (("physical", "frequency response"), ("tuned", "after output error"))
 """Both thetas with their names for a person."""
 _MARKERS = ("o", "s")
 _CURVE_POINTS = 81
+
+
+INFORMATION = {
+    "partial": "Without coupling over time, as in the thesis (eq. 5.1-5.2): the state counts as given. Where "
+    "the thesis has a dash, a parameter acts only through the hold of one sample: many decades less.",
+    "coupled": "With the coupling over time (eq. 5.3): through the whole simulation.",
+}
+"""What the two kinds of Fisher information are."""
+
+
+@dataclass(frozen=True)
+class InformationTable:
+    """Exponents of ten of Fisher information, a row per state and a column per parameter.
+
+    Attributes:
+        caption: Which kind.
+        columns: Names of the parameters.
+        rows: One per state.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
 
 
 @dataclass(frozen=True)
@@ -31,10 +54,13 @@ class SurrogateTable:
         head: The collector head, in words.
         columns: Names of the local models.
         rows: Three rows per parameter.
-        fit_errors: How well the frequency responses were met, in words.
+        diagram: The chain of masses in one line.
+        fit_errors: How well the frequency responses were met, and from which starts, in words.
         sure: Whether there are standard errors.
         correlated: Pairs of parameters that data hardly tell apart, in words.
-        remarks: What cannot be told, in words.
+        remarks: Per theta its name and what cannot be told, in words.
+        condition: Of the Fisher matrix scaled to unit diagonal, in words.
+        information: Fisher information without and with the coupling over time.
         figure: SVG of theta over the height.
     """
 
@@ -45,10 +71,13 @@ class SurrogateTable:
     head: str
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
+    diagram: str
     fit_errors: str
     sure: bool
     correlated: tuple[str, ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[tuple[str, tuple[str, ...]], ...]
+    condition: str
+    information: tuple[InformationTable, ...]
     figure: str
 
 
@@ -75,15 +104,12 @@ def surrogate_table(title: str, result: SurrogateResult, name: str) -> Surrogate
         for which, label in THETAS:
             cells = _cells(result, which, index)
             rows.append(Row(label, cells, "mark" if which == result.recommended else "ours"))
-        published = thesis.SURROGATE_PARAMETERS.get(parameter.name, ())
-        if len(published) == len(result.physical):
-            values = tuple(Cell(number(value), repr(value)) for value in published)
-            rows.append(Row("thesis, Table 4.3", values, "thesis"))
+        rows += published_rows(parameter.name, len(result.physical))
     errors = ", ".join(f"{100.0 * fit.relative_error:.1f} %" for fit in result.responses)
-    starts = ", ".join(
-        f"{fit.start}, {fit.agreed} of {fit.starts} agree" if fit.fallback else fit.start
-        for fit in result.responses
-    )
+    starts = list(dict.fromkeys(fit.account for fit in result.responses))
+    if len(starts) > 1:
+        starts = [f"LLM {index + 1}: {fit.account}" for index, fit in enumerate(result.responses)]
+    tuned = f" Output error started from the {result.tuned_from}." if result.tuned_from else ""
     description = result.structure.description
     head = result.parameters().head.items()
     return SurrogateTable(
@@ -94,13 +120,62 @@ def surrogate_table(title: str, result: SurrogateResult, name: str) -> Surrogate
         head=", ".join(f"{name} = {quantity.value:g} {quantity.unit}" for name, quantity in head),
         columns=tuple(f"LLM {index + 1}, {centre:g} m" for index, centre in enumerate(result.frame.centres)),
         rows=tuple(rows),
+        diagram=result.structure.diagram,
         fit_errors=f"Relative error of the frequency-response fits: {errors}; "
-        f"what they started from: {starts}.",
+        f"what they started from: {'; '.join(starts)}.{tuned}",
         sure=any(np.isfinite(result.standard_errors(which)).any() for which, _ in THETAS),
         correlated=result.correlated(),
-        remarks=() if result.certainty is None else result.certainty.remarks,
+        remarks=tuple((label, told) for which, label in THETAS if (told := result.remarks(which))),
+        condition="" if result.certainty is None else _condition(result.certainty.condition),
+        information=_information(result),
         figure=_figure(result, name),
     )
+
+
+def published_rows(name: str, count: int) -> list[Row]:
+    """Return the row of Table 4.3 of a parameter, if the thesis has it for so many local models."""
+    published, unit = thesis.SURROGATE_PARAMETERS.get(name, ()), ""
+    if name == "b_M":
+        published = tuple(1.0 / value for value in thesis.SURROGATE_PARAMETERS["r_M"])
+        unit = ", 1/r_M"
+    if len(published) != count:
+        return []
+    return [
+        Row(f"thesis, Table 4.3{unit}", tuple(Cell(number(one), repr(one)) for one in published), "thesis")
+    ]
+
+
+def exponent(value: float) -> Cell:
+    """Return the exponent of ten of Fisher information, as in Table 5.2; a dash where there is none."""
+    if not value > 0.0:
+        return Cell("\N{EN DASH}", repr(value))
+    return Cell(f"{int(np.floor(np.log10(value)))}".replace("-", "\N{MINUS SIGN}"), repr(value))
+
+
+def _condition(value: float) -> str:
+    """Return what the condition of the scaled Fisher matrix says."""
+    if value <= LARGEST_CONDITION:
+        return f"Condition of the Fisher matrix scaled to unit diagonal: {value:.2g}."
+    size = f"is {value:.2g}, above {LARGEST_CONDITION:.0e}" if np.isfinite(value) else "is beyond all bounds"
+    return (
+        f"The condition of the Fisher matrix scaled to unit diagonal {size}: there are no standard errors of "
+        "the theta after output error."
+    )
+
+
+def _information(result: SurrogateResult) -> tuple[InformationTable, ...]:
+    """Return Table 5.2 in shape, summed over the local models, without and with the coupling over time."""
+    told = result.certainty
+    if told is None:
+        return ()
+    found = []
+    for kind, table in (("partial", told.partial), ("coupled", told.coupled)):
+        rows = tuple(
+            Row(state, tuple(exponent(float(value)) for value in values))
+            for state, values in zip(STATE_NAMES, table.sum(axis=1), strict=True)
+        )
+        found.append(InformationTable(INFORMATION[kind], result.structure.names, rows))
+    return tuple(found)
 
 
 def _cells(result: SurrogateResult, which: Which, index: int) -> tuple[Cell, ...]:

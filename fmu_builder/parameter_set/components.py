@@ -211,21 +211,23 @@ class SurrogateCertainty(Part):
             without one are left out. From leaving out tenths of the operating-point data.
         tuned_errors: The same of `tuned`, from the sensitivities and residuals over the training data; none
             of a parameter at a bound, none at all beyond a condition of 1e8.
-        correlations: Of `tuned`, per local model, in the order of its names; empty where not all are known.
+        correlations: Of `tuned`, per local model, in the order of its names; None at a bound.
         condition: Of the Fisher matrix scaled to unit diagonal; None: it is singular.
         partial: Per state and local model, name to Fisher information with the state taken as given (thesis
             eq. 5.1-5.2), per squared unit of the parameter, the state in its standard deviation.
         coupled: The same with the coupling over time (eq. 5.3).
-        remarks: What cannot be told, in words.
+        remarks: What cannot be told of `tuned`, in words.
+        physical_remarks: What cannot be told of `physical`, in words.
     """
 
     physical_errors: tuple[dict[str, Number], ...]
     tuned_errors: tuple[dict[str, Number], ...]
-    correlations: tuple[tuple[tuple[Number, ...], ...], ...] = ()
+    correlations: tuple[tuple[tuple[Number | None, ...], ...], ...] = ()
     condition: Number | None
     partial: dict[str, tuple[dict[str, Number], ...]]
     coupled: dict[str, tuple[dict[str, Number], ...]]
     remarks: tuple[Text, ...] = ()
+    physical_remarks: tuple[Text, ...] = ()
 
 
 class SurrogateParameters(Part):
@@ -239,7 +241,9 @@ class SurrogateParameters(Part):
         tuned: Per local model, name to value: after output error.
         units: Name to unit.
         at_bound: Per local model, the names that ended at a bound after output error.
-        starts: Per local model, what led to the physical values: "closed form" or "random".
+        physical_at_bound: The same of the physical values.
+        starts: Per local model, what led to the physical values, in words.
+        tuned_from: What output error started from, in words.
         recommended: Which of the two is recommended.
         reason: Why, in a sentence.
         certainty: Standard errors and what they rest on, where they were asked for.
@@ -251,7 +255,9 @@ class SurrogateParameters(Part):
     tuned: tuple[dict[str, Number], ...]
     units: dict[str, str]
     at_bound: tuple[tuple[str, ...], ...] = ()
+    physical_at_bound: tuple[tuple[str, ...], ...] = ()
     starts: tuple[Text, ...] = ()
+    tuned_from: Text = ""
     recommended: Literal["physical", "tuned"] = "tuned"
     reason: Text = ""
     certainty: SurrogateCertainty | None = None

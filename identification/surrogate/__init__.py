@@ -2,6 +2,7 @@
 
 from identification.surrogate.affine import OFFSETS, analyse_offsets
 from identification.surrogate.assembly import network, theta_nodes
+from identification.surrogate.certainty import LARGEST_CONDITION
 from identification.surrogate.chain import STATE_NAMES, Head
 from identification.surrogate.exact import exact_chain9, lower_framework
 from identification.surrogate.frequency_response import (
@@ -18,6 +19,7 @@ from identification.surrogate.settings import REASONED_START, THESIS, SurrogateS
 from identification.surrogate.structure import STRUCTURES, Parameter, Structure
 
 __all__ = [
+    "LARGEST_CONDITION",
     "OFFSETS",
     "REASONED_START",
     "SIGNALS",

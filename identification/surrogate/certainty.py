@@ -17,9 +17,13 @@ from identification.surrogate.chain import OUTPUT_NAMES, STATE_NAMES
 from identification.surrogate.output_error import box
 from identification.surrogate.problem import NetworkParameters, OutputErrorProblem
 from identification.surrogate.recursion import BlendedModels, Experiment, Observation, run
+from identification.surrogate.structure import Structure
 
 LARGEST_CONDITION = 1e8
 """Of the Fisher matrix scaled to unit diagonal; beyond it the inverse is rounding: no errors are given."""
+
+CLOSE = 0.95
+"""Magnitude of the correlation from which data hardly tell two numbers apart."""
 
 _CORRELATED = 0.1  # autocorrelation of a residual that still counts
 _SPANS = 5  # of the longest such lag, in a block
@@ -45,6 +49,8 @@ class Certainty:
             in its own unit, every state divided by the standard deviation of its motion about rest.
         coupled: Eq. 5.3, likewise.
         blocks: Stretches of residuals that count as independent.
+        close: Pairs of estimated numbers, of all local models and of the schedule, whose correlation is
+            `CLOSE` and more, with that.
         remarks: What cannot be told, in words.
     """
 
@@ -55,6 +61,7 @@ class Certainty:
     partial: Array
     coupled: Array
     blocks: int
+    close: tuple[tuple[str, str, float], ...]
     remarks: tuple[str, ...]
 
 
@@ -70,10 +77,9 @@ def certainty(problem: OutputErrorProblem, parameters: NetworkParameters) -> Cer
         problem: The data that `parameters` were found on.
         parameters: Where.
     """
-    search = problem.to_search(parameters)
-    lower, upper = box(problem, search, "all")
-    free = (search > lower) & (search < upper)
-    sizes = problem.column_sizes()
+    if not np.isfinite(problem.cost(parameters)):
+        return _nothing(parameters)
+    free, sizes = _free(problem, parameters), problem.column_sizes()
     residuals = [one.target - problem.simulate(parameters, one) for one in problem.experiments]
     models, rows = problem.models(parameters, True), _block_rows(problem, residuals)
     passes = [run(models, one, problem.observation, block_rows=rows) for one in problem.experiments]
@@ -86,14 +92,15 @@ def certainty(problem: OutputErrorProblem, parameters: NetworkParameters) -> Cer
     shape = parameters.theta.shape
     errors, white = np.full(shape, np.nan), np.full(shape, np.nan)
     correlations = np.full((*shape, shape[1]), np.nan)
+    close: tuple[tuple[str, str, float], ...] = ()
     if condition <= LARGEST_CONDITION:
         covariance = _sandwich(gram, _scatter(scores), free)
         weighted = problem.observation.matrix.T * problem.observation.weight
         one_by_one = _gram(problem, models, weighted @ noise @ weighted.T)
         errors = _in_units(problem, parameters, covariance)
         white = _in_units(problem, parameters, _sandwich(gram, one_by_one, free))
-        correlations = _correlations(problem, parameters, covariance)
-        remarks += _unsure(problem, parameters, errors)
+        correlations, close = _correlations(problem, parameters, covariance)
+        remarks += unsure(problem.structure, parameters.theta, errors)
     return Certainty(
         errors,
         white,
@@ -102,8 +109,30 @@ def certainty(problem: OutputErrorProblem, parameters: NetworkParameters) -> Cer
         partial_information(problem, parameters),
         coupled_information(problem, parameters),
         len(scores),
-        _bounds(problem, search, free) + remarks,
+        close,
+        held(problem.structure, parameters.theta) + remarks,
     )
+
+
+def _free(problem: OutputErrorProblem, parameters: NetworkParameters) -> Mask:
+    """Return what of the search vector was estimated and stands at no bound."""
+    search = problem.to_search(parameters)
+    lower, upper = box(problem, search, "all")
+    free: Mask = (search > lower) & (search < upper)
+    own = free[: search.size - problem.schedule_size].reshape(len(parameters.theta), -1)  # a view
+    for row, theta in zip(own, parameters.theta, strict=True):
+        at_bound = problem.structure.at_bound(theta)
+        row[: theta.size] &= [name not in at_bound for name in problem.structure.names]
+    return free
+
+
+def _nothing(parameters: NetworkParameters) -> Certainty:
+    """Return what is known of a network that runs away on the data."""
+    shape = parameters.theta.shape
+    none, states = np.full(shape, np.nan), np.full((len(STATE_NAMES), *shape), np.nan)
+    correlations = np.full((*shape, shape[1]), np.nan)
+    why = "the network runs away on the data it was tuned on; no standard errors are given"
+    return Certainty(none, none, correlations, float("inf"), states, states, 0, (), (why,))
 
 
 def told_apart(fisher: Array, names: tuple[str, ...], free: Mask) -> tuple[float, tuple[str, ...]]:
@@ -273,15 +302,19 @@ def _in_units(problem: OutputErrorProblem, parameters: NetworkParameters, covari
     return np.asarray(_local(problem, parameters, np.sqrt(np.diag(covariance))) * slope)
 
 
-def _correlations(problem: OutputErrorProblem, parameters: NetworkParameters, covariance: Array) -> Array:
-    """Return the correlations within each local model, (M, P, P)."""
+def _correlations(
+    problem: OutputErrorProblem, parameters: NetworkParameters, covariance: Array
+) -> tuple[Array, tuple[tuple[str, str, float], ...]]:
+    """Return the correlations within each local model, (M, P, P), and the close pairs of all numbers."""
+    size = np.sqrt(np.diag(covariance))
+    whole, names = covariance / np.outer(size, size), problem.names
     places = _local(problem, parameters, np.arange(float(len(covariance)))).astype(int)
-    found = []
-    for at in places:
-        block = covariance[np.ix_(at, at)]
-        size = np.sqrt(np.diag(block))
-        found.append(block / np.outer(size, size))
-    return np.array(found)
+    close = tuple(
+        (names[row], names[column], float(whole[row, column]))
+        for row, column in zip(*np.triu_indices(len(names), 1), strict=True)
+        if abs(whole[row, column]) >= CLOSE
+    )
+    return np.array([whole[np.ix_(at, at)] for at in places]), close
 
 
 def _block_rows(problem: OutputErrorProblem, residuals: list[Array]) -> int:
@@ -298,17 +331,17 @@ def _block_rows(problem: OutputErrorProblem, residuals: list[Array]) -> int:
         power = np.abs(np.fft.rfft(spread, size, axis=0)) ** 2
         correlation = np.fft.irfft(power, size, axis=0)[: len(one) // 2]
         lags = np.flatnonzero((np.abs(correlation) > _CORRELATED * correlation[0]).any(axis=1))
-        longest = max(longest, int(lags[-1]) + 1)
+        longest = max(longest, int(lags.max(initial=0)) + 1)
     shortest = min(len(one) for one in residuals)
     most = max(1, min(problem.rows // _FEWEST_BLOCKS, shortest))
     return min(max(_BLOCK_ROWS, _SPANS * longest), most)
 
 
-def _unsure(problem: OutputErrorProblem, parameters: NetworkParameters, errors: Array) -> tuple[str, ...]:
-    """Name the parameters whose standard error is above their value."""
+def unsure(structure: Structure, theta: Array, errors: Array) -> tuple[str, ...]:
+    """Name the parameters (M, P) whose standard error (M, P) is above their value."""
     told = []
-    for k, (row, error) in enumerate(zip(parameters.theta, errors, strict=True)):
-        for parameter, value, one in zip(problem.structure.parameters, row, error, strict=True):
+    for k, (row, error) in enumerate(zip(theta, errors, strict=True)):
+        for parameter, value, one in zip(structure.parameters, row, error, strict=True):
             if one > abs(value):
                 unit = f" {parameter.unit}" if parameter.unit else ""
                 told.append(
@@ -317,12 +350,10 @@ def _unsure(problem: OutputErrorProblem, parameters: NetworkParameters, errors: 
     return tuple(told)
 
 
-def _bounds(problem: OutputErrorProblem, search: Array, free: Mask) -> tuple[str, ...]:
-    """Name the parameters that stand at a bound."""
-    count = len(search) - problem.schedule_size
-    own = np.arange(count).reshape(problem.local_models, -1)[:, : len(problem.structure.parameters)]
+def held(structure: Structure, theta: Array) -> tuple[str, ...]:
+    """Name the parameters (M, P) that stand at a bound."""
     return tuple(
-        f"{problem.names[place]} stands at a bound: no standard error"
-        for place in own.ravel()
-        if not free[place]
+        f"{name}[{k + 1}] stands at a bound: no standard error"
+        for k, row in enumerate(theta)
+        for name in structure.at_bound(row)
     )

@@ -97,6 +97,14 @@ class FrequencyResponseFit:
         return "random" if self.best_start.startswith("random") else self.best_start
 
     @property
+    def account(self) -> str:
+        """How theta was found, in words."""
+        if not self.fallback:
+            return self.start
+        agreed = f"{self.agreed} of {self.starts} starts agree"
+        return f"{self.start}, {agreed}; random starts because {self.fallback}"
+
+    @property
     def starts(self) -> int:
         """How many starts were made."""
         return len(self.costs)

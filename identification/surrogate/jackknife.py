@@ -35,7 +35,7 @@ def physical_errors(
 ) -> Array:
     """Return the standard errors of the physical theta, (M, P), each in its parameter's unit.
 
-    NaN for local models of which a part of the data gives no model.
+    NaN at a bound, and for local models of which a part of the data gives no model.
 
     Args:
         local: The local models and the settings they came from; orders and block rows are kept.
@@ -67,7 +67,9 @@ def physical_errors(
             search = structure.to_search(np.array(thetas))
             errors = np.sqrt((GROUPS - 1) ** 2 / GROUPS) * search.std(axis=0, ddof=1)
             whole = fit_frequency_response(model, spectrum, structure, head, settings).theta
-            found[index] = errors * structure.slope(whole)
+            held = structure.at_bound(whole)
+            free = np.array([name not in held for name in structure.names])
+            found[index] = np.where(free, errors * structure.slope(whole), np.nan)
     return found
 
 

@@ -78,6 +78,7 @@ def identify(
     problem = frame.problem(used)
     data = [{"name": one.name, "content_hash": one.content_hash} for one in training]
     judges = [{"name": one.name, "content_hash": one.content_hash} for one in validation]
+    recommendation = _recommended(frame, physical, tuning, used, validation)  # refuses what runs away
     errors = certain = None
     if chosen.standard_errors:
         certain = certainty(problem, tuned)
@@ -90,7 +91,7 @@ def identify(
         frame=frame,
         physical_parameters=physical,
         tuned_parameters=tuned,
-        recommendation=_recommended(frame, physical, tuning, used, validation),
+        recommendation=recommendation,
         responses=responses,
         tuning=tuning,
         fit_before=frame.fit(problem, physical, used),

@@ -8,13 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fmu_builder.parameter_set import Partition, Quantity, SurrogateCertainty, SurrogateParameters, nested
+from fmu_builder.parameter_set import Partition, Quantity, SurrogateCertainty, SurrogateParameters
 from identification.arrays import Array
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.n4sid import LocalModels
 from identification.network import partition_of
-from identification.surrogate.certainty import Certainty
+from identification.surrogate.certainty import Certainty, held, unsure
 from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, STATE_NAMES, Head
 from identification.surrogate.frequency_response import FrequencyResponseFit
 from identification.surrogate.output_error import OutputErrorFit
@@ -99,6 +99,11 @@ class SurrogateResult:
         return self.frame.local
 
     @property
+    def fit(self) -> Mapping[str, float]:
+        """FIT on the training data [%] with the recommended theta, by signal."""
+        return self.fit_after if self.recommended == "tuned" else self.fit_before
+
+    @property
     def recommended(self) -> Which:
         """Which theta the network is made of unless said otherwise."""
         return self.recommendation.which
@@ -134,22 +139,40 @@ class SurrogateResult:
             found = None if self.certainty is None else self.certainty.standard_errors
         return np.full(self.tuned.shape, np.nan) if found is None else found
 
-    def correlated(self, least: float = 0.95) -> tuple[str, ...]:
-        """Return the pairs of parameters of one tuned local model that data hardly tell apart, in words.
+    def correlated(self) -> tuple[str, ...]:
+        """Return the pairs of tuned numbers that data hardly tell apart (`certainty.CLOSE`), in words."""
+        return tuple(
+            f"{one} and {other}: {'rise together' if value > 0.0 else 'one rises as the other falls'} "
+            f"(correlation {value:.3f})"
+            for one, other, value in (self.certainty.close if self.certainty else ())
+        )
 
-        Args:
-            least: Magnitude of the correlation from which a pair is named.
-        """
+    def remarks(self, which: Which) -> tuple[str, ...]:
+        """Return what data cannot tell of one of the thetas, in words; nothing if it was not asked for."""
         if self.certainty is None:
             return ()
-        names, found = self.structure.names, []
-        for index, table in enumerate(self.certainty.correlations):
-            for row, column in zip(*np.triu_indices(len(names), 1), strict=True):
-                if abs(table[row, column]) >= least:
-                    how = "rise together" if table[row, column] > 0.0 else "one rises as the other falls"
-                    pair = f"{names[row]}[{index + 1}] and {names[column]}[{index + 1}]"
-                    found.append(f"{pair}: {how} (correlation {table[row, column]:.3f})")
-        return tuple(found)
+        if which == "tuned":
+            return self.certainty.remarks
+        errors, theta = self.standard_errors(which), self.physical
+        lost = () if self.physical_errors is None else np.flatnonzero(np.isnan(errors).all(axis=1))
+        return (
+            *held(self.structure, theta),
+            *(
+                f"local model {index + 1}: a tenth left out gives no model, so no standard errors"
+                for index in lost
+            ),
+            *unsure(self.structure, theta, errors),
+        )
+
+    @property
+    def tuned_from(self) -> str:
+        """What output error started from, in words; empty if it was not asked for."""
+        if self.tuning is None:
+            return ""
+        wanted = self.settings.output_error
+        start = "physical theta" if wanted.single_start is None else "single start that was given"
+        stages = f", {' -> '.join(map(str, wanted.stages))} local models" if wanted.stages else ""
+        return start + stages
 
     def at_bound(self, which: Which) -> tuple[dict[str, str], ...]:
         """Return per local model the parameters that stand at a bound, with `lower` or `upper`."""
@@ -190,7 +213,7 @@ class SurrogateResult:
         )
 
     def parameters(self) -> SurrogateParameters:
-        """Return both thetas as they stand in a parameter set; `at_bound` belongs to the tuned one."""
+        """Return both thetas as they stand in a parameter set."""
         names = self.structure.names
         tables = {
             which: tuple(dict(zip(names, row.tolist(), strict=True)) for row in self.theta(which))
@@ -205,7 +228,9 @@ class SurrogateResult:
             **tables,
             units={parameter.name: parameter.unit for parameter in self.structure.parameters},
             at_bound=tuple(tuple(row) for row in self.at_bound("tuned")),
-            starts=tuple(fit.start for fit in self.responses),
+            physical_at_bound=tuple(tuple(row) for row in self.at_bound("physical")),
+            starts=tuple(fit.account for fit in self.responses),
+            tuned_from=self.tuned_from,
             recommended=self.recommended,
             reason=self.reason,
             certainty=self._certainty(),
@@ -222,7 +247,10 @@ class SurrogateResult:
 
         if told is None:
             return None
-        correlations = nested(told.correlations) if np.isfinite(told.correlations).all() else ()
+        correlations = tuple(
+            tuple(tuple(one if np.isfinite(one) else None for one in row) for row in table)
+            for table in told.correlations.tolist()
+        )
         return SurrogateCertainty(
             physical_errors=table(self.standard_errors("physical")),
             tuned_errors=table(told.standard_errors),
@@ -231,4 +259,5 @@ class SurrogateResult:
             partial={name: table(rows) for name, rows in zip(STATE_NAMES, told.partial, strict=True)},
             coupled={name: table(rows) for name, rows in zip(STATE_NAMES, told.coupled, strict=True)},
             remarks=told.remarks,
+            physical_remarks=self.remarks("physical"),
         )

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cosim.whole_path import WholePath
-from cosimulation.identify import Identified, IdentifySettings, identify_from_folder
+from cosimulation.identify import Identified, IdentifySettings, _diagnostics, identify_from_folder
 from cosimulation.settings import parse_settings
 from fmu_builder.errors import DataError, IdentificationError, LlmnError, OutputError, SettingsError
 from fmu_builder.llmn_fmu.card import model_card
@@ -289,6 +289,11 @@ def test_noise_and_one_local_model_go_the_same_way(blow: WholePath, tmp_path: Pa
             identify_from_folder(given)
 
 
+def opposite(which: str) -> str:
+    """The other theta."""
+    return "physical" if which == "tuned" else "tuned"
+
+
 def test_a_surrogate_tells_how_sure_it_is(folder: Path, tmp_path: Path) -> None:
     files = {"output": tmp_path / "s.json", "page": tmp_path / "page.html"}
     result = identify_from_folder(settings(folder, method="surrogate", **files))
@@ -298,7 +303,12 @@ def test_a_surrogate_tells_how_sure_it_is(folder: Path, tmp_path: Path) -> None:
     assert "theta at eta = 0.75: m_H = " in text and f"\ntheta: {found.recommended} (" in text
     error = float(found.standard_errors(found.recommended)[1, 2])
     assert f"k_L = {found.theta(found.recommended)[1, 2]:.6g} +- {error:.2g} N/m" in text
-    for line in (*found.correlated(), *found.certainty.remarks):
+    for line in (*found.correlated(), *found.remarks(found.recommended)):
         assert line in text
+    other = replace(found, recommendation=replace(found.recommendation, which=opposite(found.recommended)))
+    assert other.fit != found.fit  # what is told is told of the theta that is in the network
+    told = replace(result, diagnostics=_diagnostics(other)).text()
+    assert all(line in told for line in other.remarks(other.recommended))
+    assert f"F p {other.fit['F_p']:.6g}" in told and f"F p {found.fit['F_p']:.6g}" in text
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Physical parameters" in page and 'id="theta-surrogate-' in page

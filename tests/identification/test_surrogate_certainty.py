@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identification.surrogate.certainty import (
+    CLOSE,
     LARGEST_CONDITION,
     Certainty,
     certainty,
@@ -181,6 +182,54 @@ def test_a_parameter_that_cannot_be_told_from_zero_is_named() -> None:
     told = certainty(problem(errors_of(1, False), theta), NetworkParameters(theta))
     (remark,) = told.remarks
     assert remark.startswith("k_W[1] = 0.05 +- ") and remark.endswith("N/m cannot be told from zero")
+
+
+def test_pairs_of_different_local_models_are_named_too() -> None:
+    """Two models that nearly always count alike are hard to tell apart."""
+    case, here = problem(), NetworkParameters(THETA)
+    eta = case.experiments[0].scheduling
+    share = 0.5 + 0.1 * (eta - eta.mean())
+    alike = replace(case.experiments[0], blend=np.stack([share, 1.0 - share], axis=1))
+    motion = case.simulate(here, alike)
+    seen = replace(alike, target=motion + errors_of(1, False) @ case.observation.matrix[:, :4].T)
+    told = certainty(replace(case, experiments=[seen]), here)
+    found = {(one, other): value for one, other, value in told.close}
+    assert found["k_L[1]", "k_L[2]"] < -CLOSE
+    for k in range(2):
+        for row, column in zip(*np.triu_indices(len(CHAIN.names), 1), strict=True):
+            pair = f"{CHAIN.names[row]}[{k + 1}]", f"{CHAIN.names[column]}[{k + 1}]"
+            assert (abs(told.correlations[k, row, column]) >= CLOSE) == (pair in found)
+
+
+def test_a_network_that_runs_away_is_told_and_nothing_else() -> None:
+    theta = THETA.copy()
+    theta[:, CHAIN.names.index("c_W")] = -1e4
+    told = certainty(problem(errors_of(1, False)), NetworkParameters(theta))
+    assert np.isnan(told.standard_errors).all() and told.condition == np.inf and not told.close
+    assert len(told.remarks) == 1 and "runs away" in told.remarks[0]
+
+
+def test_a_parameter_next_to_its_bound_counts_as_one_that_stands_there() -> None:
+    theta = THETA.copy()
+    theta[1, 0] = CHAIN.parameters[0].lower * (1.0 + 1e-9)
+    told = certainty(problem(errors_of(1, False)), NetworkParameters(theta))
+    assert (
+        np.isnan(told.standard_errors[1, 0]) and "m_H[2] stands at a bound: no standard error" in told.remarks
+    )
+
+
+def test_the_partial_information_has_the_pattern_of_table_5_2() -> None:
+    """chain7: what the thesis shows with an exponent is many decades above what it shows with a dash."""
+    chain = STRUCTURES["chain7"]
+    case = replace(problem(rows=2000), structure=chain)
+    theta = np.array(
+        [chain.from_coefficients(dict(zip(CHAIN.names, row, strict=True)), HEAD) for row in THETA]
+    )
+    found = partial_information(case, NetworkParameters(theta)).sum(axis=1)
+    told = np.zeros((6, 7), dtype=bool)  # zeta_dot: m_H, k_L, c_L; delta_M_dot: all but m_H
+    told[3, [0, 2, 3]] = told[5, 1:] = True
+    for column, where in zip(found.T, told.T, strict=True):
+        assert column[where].min() > 100.0 * column[~where].max()
 
 
 def test_sums_over_blocks_are_the_gradient() -> None:

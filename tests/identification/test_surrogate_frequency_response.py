@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from fmu_builder.errors import IdentificationError
+from fmus.wbm import native, parameter_sets
 from identification.local_model import LocalModel
 from identification.surrogate import frequency_response
 from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, Head
+from identification.surrogate.exact import exact_chain9, lower_framework
 from identification.surrogate.frequency_response import (
     FrequencyResponseFit,
     FrequencyResponseSettings,
@@ -147,6 +149,49 @@ def test_random_starts_are_only_drawn_where_the_closed_form_fails() -> None:
     )  # no continuous-time model behind it
     assert "no chain" in fit(strange).fallback
     assert fit(strange).start == "random"
+
+
+def of_the_white_box_model(name: str, height: float) -> tuple[Head, np.ndarray]:
+    """Head and chain8 of a linearised white-box set, its weak damper to ground left out."""
+    chosen = parameter_sets()[name]
+    states = ("phi_1", "delta", "xi", "phi_1_dot", "delta_dot", "xi_dot")
+    order = [native.STATES.index(state) for state in states]
+    model = native.linearise(chosen, [height, 1310.9])
+    point = model.C[native.OUTPUTS.index("zeta"), order][:2]
+    head = Head(m_C=chosen["mC"], k_C=chosen["k_C"], c_C=chosen["c_C"], k_E=chosen["k_E"])
+    framework = lower_framework(model.A[np.ix_(order, order)], model.B[order, 1], point, head.k_C, head.c_C)
+    return head, STRUCTURES["chain8"].from_coefficients(exact_chain9(*framework), head)
+
+
+@pytest.mark.parametrize("height", [0.75, 1.25, 1.75, 2.25])
+@pytest.mark.parametrize("name", ["A", "Blow"])
+def test_the_fallback_alone_finds_the_global_optimum(name: str, height: float) -> None:
+    """A state that alternates, seen by no output: the same response, but nothing continuous behind it."""
+    head, theta = of_the_white_box_model(name, height)
+    model = black_box(theta, head, "chain8", ROTATION)
+    more = np.zeros((7, 7))
+    more[:6, :6], more[6, 6] = model.A, -0.5
+    blind = replace(
+        model, A=more, B=np.vstack([model.B, [0.1, 0.1]]), C=np.hstack([model.C, np.zeros((4, 1))])
+    )
+    found = fit(blind, "chain8", head, random_starts=10)
+    assert "finds no chain" in found.fallback and found.start == "random"
+    assert found.starts == 10 and "closed form" not in found.costs
+    np.testing.assert_allclose(found.theta, theta, rtol=SURROGATE_RECOVERY, atol=1e-5)
+    assert found.fallback in found.account and f"{found.agreed} of 10 starts agree" in found.account
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_fallback_finds_the_best_chain_of_a_bad_local_model(seed: int) -> None:
+    """Of a model that is no chain the optimum is not known: many other starts find none better."""
+    head, theta = of_the_white_box_model("A", 1.25)
+    noise = np.random.default_rng((11, seed)).normal(size=(4, 6))
+    model = black_box(theta, head, "chain8", ROTATION)
+    bad = replace(model, C=model.C * (1.0 + 0.1 * noise))
+    found = fit(bad, "chain8", head, random_starts=10)
+    assert found.fallback and found.starts >= 10
+    others = fit(bad, "chain8", head, random_starts=20, start="random", seed=5)
+    assert found.relative_error <= others.relative_error * (1.0 + SETTINGS.agreement)
 
 
 def test_gradient_and_gauss_newton_matrix_against_differences() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification import n4sid, surrogate
@@ -9,6 +11,8 @@ from identification.data_set import DataSet
 from identification.excitation import operating_point_inputs, whole_range_inputs, with_measurement_noise
 from identification.surrogate import Head, SurrogateSettings
 from identification.surrogate.chain import OUTPUT_NAMES
+from identification.surrogate.frequency_response import FrequencyResponseSettings, fit_frequency_response
+from identification.surrogate.jackknife import physical_errors
 from identification.surrogate.structure import STRUCTURES
 from tolerances import JACKKNIFE
 
@@ -57,3 +61,17 @@ def test_standard_errors_of_the_physical_theta_are_its_scatter_over_noise() -> N
     scatter = np.std(found, axis=0, ddof=1)
     assert np.abs(np.log(np.median(told, axis=0) / scatter)).max() < JACKKNIFE
     assert (np.abs(np.array(found) - PLANT) / scatter).max() < 5.0
+
+
+def test_at_a_bound_there_is_no_standard_error() -> None:
+    """m_H of 8 kg that may not be below 9 kg: what every tenth agrees on is the bound, not m_H."""
+    local = answered(operating_point_inputs(1.5, 1, (1,), duration=12.0))
+    light = n4sid.identify([with_measurement_noise(local, SIGMA, 0, (3,))], N4SID)
+    spectrum = np.ones((60, 2))
+    settings = FrequencyResponseSettings(random_starts=2)
+    bounded = tuple(replace(one, lower=9.0) if one.name == "m_H" else one for one in CHAIN.parameters)
+    chain = replace(CHAIN, parameters=bounded)
+    theta = fit_frequency_response(light.models[0], spectrum, chain, HEAD, settings)
+    errors = physical_errors(light, [local], spectrum, chain, HEAD, settings)[0]
+    assert list(theta.at_bound) == ["m_H"]
+    assert np.isnan(errors[0]) and (errors[1:] > 0.0).all()

@@ -20,6 +20,7 @@ from identification.excitation import operating_point_inputs, whole_range_inputs
 from identification.scores import fit_percent
 from identification.surrogate import REASONED_START, SIGNALS, THESIS, Head, SurrogateResult, SurrogateSettings
 from identification.surrogate.chain import OUTPUT_NAMES
+from identification.surrogate.frequency_response import fit_frequency_response
 from identification.surrogate.job import judged
 from identification.surrogate.problem import NetworkParameters
 from identification.surrogate.structure import STRUCTURES
@@ -304,6 +305,59 @@ def test_the_recommendation_is_judged_on_validation_data() -> None:
     unaware = surrogate.identify(models, [spoiled], HEAD, settings)
     assert unaware.recommended == "tuned" and unaware.recommendation.judged_on == "training"
     np.testing.assert_array_equal(misled.tuned, unaware.tuned)
+
+
+def test_what_runs_away_is_refused_in_words(clean, monkeypatch: pytest.MonkeyPatch) -> None:
+    result, _, training, _ = clean
+
+    def falling(*given, **more):
+        found = fit_frequency_response(*given, **more)
+        return replace(found, theta=np.where(np.array(CHAIN8.names) == "c_W", -1e4, found.theta))
+
+    monkeypatch.setattr("identification.surrogate.job.fit_frequency_response", falling)
+    with pytest.raises(IdentificationError, match="unstable on whole-range data"):
+        surrogate.identify(result.local, [training], HEAD, SurrogateSettings(**FAST))
+
+
+def test_bounds_are_flagged_and_every_theta_tells_how_it_was_found(clean) -> None:
+    """The physical theta at a bound, the tuned one not: each has its own flags, remarks and account."""
+    result, _, _, _ = clean
+    held = result.physical.copy()
+    held[2, CHAIN8.names.index("m_H")] = 50.0
+    errors = np.full((4, 8), 0.1)
+    errors[2, 0], errors[1] = np.nan, np.nan
+    moved = replace(
+        result, physical_parameters=replace(result.physical_parameters, theta=held), physical_errors=errors
+    )
+    stored = moved.parameters()
+    assert stored.physical_at_bound == ((), (), ("m_H",), ()) and stored.at_bound == ((),) * 4
+    assert stored.certainty is not None
+    told = stored.certainty.physical_remarks
+    assert told[0] == "m_H[3] stands at a bound: no standard error"
+    assert told[1].startswith("local model 2: a tenth left out")
+    assert any(line.startswith("k_L") for line in told) is False and stored.tuned_from == "physical theta"
+    given = {"single_start": dict(zip(CHAIN8.names, PLANT8.tolist(), strict=True)), "stages": (1, 2, 4)}
+    settings = result.settings.model_copy(
+        update={"output_error": result.settings.output_error.model_copy(update=given)}
+    )
+    other = replace(result, frame=replace(result.frame, settings=settings))
+    assert other.tuned_from == "single start that was given, 1 -> 2 -> 4 local models"
+
+
+def test_correlations_beside_a_bound_are_kept(clean) -> None:
+    result, network, _, _ = clean
+    assert result.certainty is not None
+    table = result.certainty.correlations.copy()
+    table[1, 0, :] = table[1, :, 0] = np.nan
+    stored = replace(result, certainty=replace(result.certainty, correlations=table)).parameters().certainty
+    assert stored is not None and stored.correlations[1][0] == (None,) * 8
+    assert stored.correlations[0][0][1] == table[0, 0, 1]
+    again = ParameterSet.model_validate_json(
+        network.replaced(
+            surrogate=network.surrogate.model_copy(update={"certainty": stored})
+        ).canonical_json()
+    )
+    assert again.surrogate.certainty == stored
 
 
 def test_the_thesis_route_of_the_documents_is_the_one_of_the_code() -> None:

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from cosimulation.report import thesis
 from cosimulation.report.figures.drawing import INK, PALETTE
 from cosimulation.report.figures.theta import ThetaPanel, ThetaSeries, theta_figure
-from cosimulation.report.surrogate import THETAS
+from cosimulation.report.surrogate import INFORMATION, THETAS, exponent, published_rows
 from cosimulation.report.tables import Cell, number, significant
 from cosimulation.report.tables import Row as TextRow
 from cosimulation.study.page import Drawing, Section, TextTable
@@ -25,10 +24,6 @@ from identification.surrogate import STRUCTURES
 _EXACT = "exact, linearised white-box model"
 _NONE = np.zeros(0)
 _NUMBERS = re.compile(r"\[\d+\]| = \S+ \+- \S+( [^ ]+(?= cannot))?| \(correlation [^)]*\)")
-_INFORMATION = {
-    "partial": "Without coupling over time, as in the thesis (eq. 5.1-5.2): the state counts as given.",
-    "coupled": "With the coupling over time (eq. 5.3): through the whole simulation.",
-}
 _FISHER = """Exponents of ten of the Fisher information of every parameter, in its own unit, in every state,
 the state in its standard deviation about rest; summed over the local models, median over the seeds
 (thesis Table 5.2)."""
@@ -127,14 +122,22 @@ def _information(settings: SurrogateStudySettings, route: str, findings: Records
     tables = []
     for wbm in settings.sets:
         mine = [one for one in findings if (one.get("route"), one.get("wbm")) == (route, wbm)]
-        for kind, what in _INFORMATION.items():
+        for kind, what in INFORMATION.items():
             chosen = [one for one in mine if one.get("information") == kind]
             names = list(dict.fromkeys(one["parameter"] for one in chosen))
             rows = []
             for state in dict.fromkeys(one["state"] for one in chosen):
                 cells = [
-                    _exponent(
-                        [one["value"] for one in chosen if (one["state"], one["parameter"]) == (state, name)]
+                    exponent(
+                        float(
+                            np.median(
+                                [
+                                    one["value"]
+                                    for one in chosen
+                                    if (one["state"], one["parameter"]) == (state, name)
+                                ]
+                            )
+                        )
                     )
                     for name in names
                 ]
@@ -150,14 +153,6 @@ def _information(settings: SurrogateStudySettings, route: str, findings: Records
         columns = [f"set {wbm}" for wbm in settings.sets]
         tables.append(TextTable(caption, "what", columns, words))
     return Section(f"Fisher information of {route}", _FISHER, text_tables=tables)
-
-
-def _exponent(values: Sequence[float]) -> Cell:
-    middle = float(np.median(values))
-    text = (
-        f"{int(np.floor(np.log10(middle)))}".replace("-", "\N{MINUS SIGN}") if middle > 0.0 else "\N{EN DASH}"
-    )
-    return Cell(text, repr(middle))
 
 
 def _words(sets: Sequence[str], route: str, findings: Records) -> list[TextRow]:
@@ -190,14 +185,7 @@ def _theta_table(wbm: str, noise: str, structure: str, items: Records) -> TextTa
             how = "; ".join(dict.fromkeys(item["found"] for item in chosen))
             cells = [_theta_cell([item for item in chosen if item["height"] == height]) for height in heights]
             rows.append(TextRow(f"{which}: {how}", tuple(cells)))
-        published = thesis.SURROGATE_PARAMETERS.get(parameter.name, ())
-        unit = ""
-        if not published and parameter.name == "b_M":
-            published = tuple(1.0 / value for value in thesis.SURROGATE_PARAMETERS["r_M"])
-            unit = ", 1/r_M"
-        if len(published) == len(heights):
-            cells = [Cell(number(value), repr(value)) for value in published]
-            rows.append(TextRow(f"thesis, Table 4.3{unit}", tuple(cells), "thesis"))
+        rows += published_rows(parameter.name, len(heights))
     columns = [f"LLM {index + 1}, {height:g} m" for index, height in enumerate(heights)]
     return TextTable(f"White-box set {wbm}{noise_name(noise)}.", "parameter", columns, rows)
 

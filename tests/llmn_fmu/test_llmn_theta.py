@@ -205,6 +205,14 @@ def test_a_contact_too_soft_for_the_static_map_is_refused(springy: Opened) -> No
         with_parameters(springy.network, contact_stiffness=1e3)
 
 
+def test_what_was_refused_leaves_no_trace_in_a_saved_state(springy: Opened) -> None:
+    slave, other = (at_start(springy.new(), np.array(START)) for _ in range(2))
+    assert springy.set(slave, theta_k_W_1=-1e7) == ERROR
+    assert springy.get(slave) == springy.get(other)
+    refused, untouched = (one.to_bytes(one.save()) for one in (slave, other))
+    assert refused == untouched
+
+
 def test_before_the_start_the_whole_is_judged(springy: Opened) -> None:
     fmu, slave = springy, springy.new()
     assert fmu.set(slave, theta_k_W_1=-1e7) == WARNING

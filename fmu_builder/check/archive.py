@@ -201,7 +201,7 @@ def unpack(path: Path, folder: Path) -> list[Finding]:
         for entry in entries:
             name = entry.filename
             unsafe = _is_unsafe(entry.orig_filename) or stat.S_ISLNK(entry.external_attr >> 16)
-            if unsafe or entry.is_dir() or not PurePosixPath(name).parts:
+            if unsafe or not PurePosixPath(name).parts or entry.is_dir():  # is_dir needs a name
                 continue
             try:
                 _write_entry(archive, entry, folder / PurePosixPath(name))

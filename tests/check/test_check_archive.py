@@ -34,6 +34,7 @@ DEFECTS = {
     "symbolic link": ("archive-link", added("resources/link", b"/etc/passwd", stat.S_IFLNK | 0o777)),
     "device of Windows": ("archive-name", added("resources/aux.txt")),
     "dot and slash": ("archive-name", added("./resources/a.txt")),
+    "no name": ("archive-name", added("")),
     "by-product": ("archive-leftover", added("binaries/win64/lti_test.pdb")),
     "upper and lower case": ("archive-case", added("resources/NOTE.txt")),
     "in a folder": ("archive-layout", lambda entries: {"fmu/" + name: c for name, c in entries.items()}),

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from typing import Self
 
 
+def printable(text: str) -> str:
+    """Return a text that a terminal shows and does not obey, whoever wrote it."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing that is wrong.
@@ -22,7 +27,8 @@ class Problem:
     mend: str
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.what}. {self.mend}."
+        lines = f"{self.place}: {self.what}. {self.mend}.".split("\n")
+        return "\n".join(map(printable, lines))
 
 
 class LlmnError(Exception):

@@ -6,6 +6,8 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
+from fmu_builder.errors import printable
+
 
 class Severity(StrEnum):
     """An error breaks the standard or a simulation, a warning troubles some importers, a note informs."""
@@ -26,11 +28,6 @@ def standard(section: str) -> str:
 def practice(whose: str) -> str:
     """Return how a rule is cited that stands not in the standard but in the habits of importers."""
     return f"not in FMI 2.0.4: {whose}"
-
-
-def printable(text: str) -> str:
-    """Return a text that a terminal shows and does not obey, whoever wrote it."""
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,18 @@ READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint lock clean
+.PHONY: demo test fuzz lint lock clean
 
 demo: $(READY)
 	$(RUN) -m cosimulation demo
 
 test: $(READY)
 	$(RUN) -m pytest
+
+# The long run of docs/fuzzing.md: make fuzz SECONDS=600
+SECONDS ?= 600
+fuzz: $(READY)
+	PYTHONPATH=tests $(RUN) -m fuzz.long --seconds $(SECONDS)
 
 lint: $(READY)
 	$(RUN) -m ruff format .

@@ -163,6 +163,16 @@ def save(parameter_set: ParameterSet, path: Path) -> Path:
     return write_text(path, parameter_set.canonical_json())
 
 
+def _with_keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object; readers disagree which of two values with the same key counts."""
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"the key {ascii(key)} is there twice in one object")
+        found[key] = value
+    return found
+
+
 def load(path: Path) -> ParameterSet:
     """Read a parameter set.
 
@@ -171,7 +181,7 @@ def load(path: Path) -> ParameterSet:
             problem is named.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_with_keys_once)
     except (OSError, ValueError, RecursionError) as reason:  # text, syntax, digits; nesting
         mend = "Give the path of a parameter set written by this program"
         raise ParameterSetError.of(str(path), f"cannot be read as JSON ({reason})", mend) from reason

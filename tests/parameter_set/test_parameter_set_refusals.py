@@ -201,3 +201,11 @@ def test_all_problems_are_named_at_once(tmp_path: Path) -> None:
         load(path)
     assert {problem.place for problem in refused.value.problems} == expected
     assert all(place in str(refused.value) for place in expected)
+
+
+def test_a_key_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    text = json.dumps(gaussian())
+    path = tmp_path / "set.json"
+    path.write_text(text.replace('"sample_time": 0.001', '"sample_time": 0.002, "sample_time": 0.001'))
+    with pytest.raises(ParameterSetError, match="the key 'sample_time' is there twice in one object"):
+        load(path)

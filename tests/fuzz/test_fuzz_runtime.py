@@ -114,7 +114,7 @@ FAULTS: dict[str, tuple[str, str, str, str, str]] = {
     ),
     "error with an effect": (
         "behaviour", "functions.c", "if (!instance_accepts(",
-        "if (nvr > 1) (void)instance_store(instance, vr[0], variable_start[vr[0]]);"
+        "if (nvr > 1) instance->slave.values[vr[0]] = variable_start[vr[0]];"
         " if (!instance_accepts(", "on a quiet instance",
     ),
     "state half restored": (

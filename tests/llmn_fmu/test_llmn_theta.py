@@ -213,6 +213,15 @@ def test_what_was_refused_leaves_no_trace_in_a_saved_state(springy: Opened) -> N
     assert refused == untouched
 
 
+def test_what_was_refused_does_not_use_up_a_warning_that_is_given_once(springy: Opened) -> None:
+    slave = at_start(springy.new(), np.array(START))
+    assert springy.set(slave, eta=9.0, theta_k_W_1=-1e7) == ERROR
+    assert [status for status, *_ in slave.log] == [ERROR]
+    assert springy.set(slave, eta=9.0) == WARNING
+    assert "eta = 9 is outside" in slave.log[-1][2]
+    assert springy.set(slave, eta=9.5) == OK
+
+
 def test_before_the_start_the_whole_is_judged(springy: Opened) -> None:
     fmu, slave = springy, springy.new()
     assert fmu.set(slave, theta_k_W_1=-1e7) == WARNING

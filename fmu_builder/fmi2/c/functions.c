@@ -191,7 +191,8 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
         return status;                                                                                        \
     }
 
-/** one setter: all values are checked before the first is stored */
+/** one setter: all values are checked before the first is stored; what is refused leaves no trace, not even a warning
+    that is given once */
 #define DEFINE_SET(name, type, types, as_double, legal)                                                       \
     FMI2_Export fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const type value[]) \
     {                                                                                                         \
@@ -212,12 +213,16 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
             before[k] = instance->slave.values[k];                                                            \
         }                                                                                                     \
         for (size_t k = 0; k < nvr; ++k) {                                                                    \
-            if (instance_store(instance, vr[k], as_double(value[k])) != fmi2OK) {                             \
-                status = fmi2Warning;                                                                         \
-            }                                                                                                 \
+            instance->slave.values[vr[k]] = as_double(value[k]);                                              \
+            slave_values_changed(&instance->slave);                                                           \
         }                                                                                                     \
         if (parameters) {                                                                                     \
-            status = instance_parameters_set(instance, before, status);                                       \
+            status = instance_parameters_set(instance, before);                                               \
+        }                                                                                                     \
+        for (size_t k = 0; status != fmi2Error && k < nvr; ++k) {                                             \
+            if (instance_report(instance, vr[k], as_double(value[k])) != fmi2OK) {                            \
+                status = fmi2Warning;                                                                         \
+            }                                                                                                 \
         }                                                                                                     \
         return status;                                                                                        \
     }

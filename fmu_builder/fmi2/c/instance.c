@@ -246,12 +246,10 @@ static int instance_accepts(const Instance *instance, fmi2ValueReference vr, dou
     return 0;
 }
 
-/** set one accepted value; an input outside its range is served, with one warning in the life of the instance */
-static fmi2Status instance_store(Instance *instance, fmi2ValueReference vr, double value)
+/** after a value was set: an input outside its range is served, with one warning in the life of the instance */
+static fmi2Status instance_report(Instance *instance, fmi2ValueReference vr, double value)
 {
     Message message;
-    instance->slave.values[vr] = value;
-    slave_values_changed(&instance->slave);
     if (!is_outside(vr, value) || instance->warned[vr]) {
         return fmi2OK;
     }
@@ -275,8 +273,7 @@ static int instance_has_parameters(const fmi2ValueReference vr[], size_t count)
 
 /** after parameters were set: a running model takes them, or all values are those before again and an error is logged;
     what the model remarks is logged once */
-static COLD fmi2Status instance_parameters_set(Instance *instance, const double before[VARIABLE_COUNT],
-                                               fmi2Status status)
+static COLD fmi2Status instance_parameters_set(Instance *instance, const double before[VARIABLE_COUNT])
 {
     Message message;
     const char *remark = model_remark(instance->slave.values);
@@ -288,7 +285,7 @@ static COLD fmi2Status instance_parameters_set(Instance *instance, const double 
         return instance_error(instance, &message, ": the values are those before");
     }
     if (remark == NULL || instance->warned_of_parameters) {
-        return status;
+        return fmi2OK;
     }
     instance->warned_of_parameters = 1;
     message_append(&message, remark);

@@ -130,7 +130,7 @@ class Slave:
     def update(self) -> EventInfo | None:
         """Ask for new discrete states; None when the FMU refuses."""
         info = EventInfo(7, 7, 7, 7, 7, -99.0)
-        return info if self.NewDiscreteStates(ctypes.byref(info)) in (OK, WARNING) else None
+        return info if self.NewDiscreteStates(ctypes.byref(info)) == OK else None
 
     def event(self, time: float, references: Sequence[int] = (), values: Sequence[float] = ()) -> EventInfo:
         """Take one event at `time`, with these inputs set before it is left."""

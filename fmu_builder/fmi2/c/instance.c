@@ -117,6 +117,14 @@ static COLD fmi2Status instance_error(const Instance *instance, Message *message
     return instance_log(instance, fmi2Error, message);
 }
 
+/** log message as a warning. The call is served: some importers take fmi2Warning from a setter for a refusal and end the
+    run, so only the logger is told */
+static COLD fmi2Status instance_warn(const Instance *instance, const Message *message)
+{
+    (void)instance_log(instance, fmi2Warning, message);
+    return fmi2OK;
+}
+
 /** log message + text: where an integrator asks, a smaller step may help, otherwise it is an error */
 static COLD fmi2Status instance_refuse(const Instance *instance, Message *message, const char *text)
 {
@@ -247,17 +255,17 @@ static int instance_accepts(const Instance *instance, fmi2ValueReference vr, dou
 }
 
 /** after a value was set: an input outside its range is served, with one warning in the life of the instance */
-static fmi2Status instance_report(Instance *instance, fmi2ValueReference vr, double value)
+static void instance_report(Instance *instance, fmi2ValueReference vr, double value)
 {
     Message message;
     if (!is_outside(vr, value) || instance->warned[vr]) {
-        return fmi2OK;
+        return;
     }
     instance->warned[vr] = 1;
     message_clear(&message);
     message_append_outside(&message, vr, value);
     message_append(&message, ": the model extrapolates (reported once)");
-    return instance_log(instance, fmi2Warning, &message);
+    (void)instance_warn(instance, &message);
 }
 
 /** whether a parameter is among vr[0..count) */
@@ -289,5 +297,5 @@ static COLD fmi2Status instance_parameters_set(Instance *instance, const double 
     }
     instance->warned_of_parameters = 1;
     message_append(&message, remark);
-    return instance_log(instance, fmi2Warning, &message);
+    return instance_warn(instance, &message);
 }

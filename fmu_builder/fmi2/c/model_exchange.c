@@ -68,7 +68,7 @@ FMI2_Export fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eve
     instance->warned_of_events = 1;
     message_append_integer(&message, missed);
     message_append(&message, " time events were left out; their ticks were done now (reported once)");
-    return instance_log(instance, fmi2Warning, &message);
+    return instance_warn(instance, &message);
 }
 
 FMI2_Export fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)

@@ -1,0 +1,5 @@
+#include "message.c"
+#include "variables.h"
+#include "wire_model.c"
+#include "slave.c"
+#include "functions.c"

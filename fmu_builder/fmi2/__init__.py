@@ -1,7 +1,7 @@
 """FMI 2.0 for model exchange and co-simulation: from variables and C code to an FMU."""
 
 from fmu_builder.fmi2.description import model_description
-from fmu_builder.fmi2.documentation import index_page
+from fmu_builder.fmi2.documentation import index_page, licence_page
 from fmu_builder.fmi2.header import variables_header
 from fmu_builder.fmi2.interface import Interface
 from fmu_builder.fmi2.package import C_FOLDER, DEFAULT_PLATFORMS, build_fmu, fmi_headers, write_archive
@@ -18,6 +18,7 @@ __all__ = [
     "build_fmu",
     "fmi_headers",
     "index_page",
+    "licence_page",
     "model_description",
     "variables_header",
     "write_archive",

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from html import escape
+from pathlib import Path
 
 from fmu_builder.fmi2.interface import Interface
 
 
 def _row(cells: list[str], tag: str = "td") -> str:
     return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+
+def licence_page() -> dict[str, bytes]:
+    """Return the licence of the C sources, to go into documentation/: it demands to go with every copy."""
+    return {"licenses/license.txt": (Path(__file__).parent / "license.txt").read_bytes()}
 
 
 def index_page(interface: Interface) -> str:

@@ -11,8 +11,9 @@ from pathlib import Path, PurePosixPath
 from fmu_builder.compiler import TARGETS, compile_shared_libraries, source_files
 from fmu_builder.errors import BuildError, Problem
 from fmu_builder.files import written_atomically
+from fmu_builder.fmi2.build_description import BUILD_DESCRIPTION, build_description
 from fmu_builder.fmi2.description import UNITY_NAME, model_description
-from fmu_builder.fmi2.documentation import index_page
+from fmu_builder.fmi2.documentation import index_page, licence_page
 from fmu_builder.fmi2.header import variables_header
 from fmu_builder.fmi2.interface import Interface
 
@@ -138,8 +139,8 @@ def build_fmu(
         output: The .fmu file.
         platforms: FMI 2.0 platform folders, keys of `fmu_builder.compiler.TARGETS`.
         resources: Files below resources/.
-        documentation: Files below documentation/, for example "licenses/license.txt"; index.html is made from
-            the interface when it is not among them.
+        documentation: Files below documentation/. index.html is made from the interface, and
+            licenses/license.txt is that of the C sources, when they are not among them.
 
     Returns:
         `output`.
@@ -164,11 +165,16 @@ def build_fmu(
     guid = interface.guid(model_hash)
     headers = {**generated, "variables.h": variables_header(interface, guid)}
     sources = _collect_sources(unity, include, headers)
-    pages = {"index.html": index_page(interface).encode("utf-8"), **(documentation or {})}
+    pages = {
+        "index.html": index_page(interface).encode("utf-8"),
+        **licence_page(),
+        **(documentation or {}),
+    }
     entries = {
         "modelDescription.xml": model_description(interface, guid).encode("utf-8"),
         **_compile(interface, sources, tuple(dict.fromkeys(platforms))),
         **{f"sources/{name}": text.encode("utf-8") for name, text in sources.items()},
+        f"sources/{BUILD_DESCRIPTION}": build_description(interface).encode("utf-8"),
         **{f"documentation/{name}": content for name, content in pages.items()},
         **{f"resources/{name}": content for name, content in (resources or {}).items()},
     }

@@ -48,6 +48,7 @@ def interface(parameter_set: ParameterSet, model_identifier: str | None = None) 
         description=description,
         variables=tuple(_variables(parameter_set)),
         default_step=parameter_set.sample_time,
+        licence="program: MIT, see documentation/licenses; the model belongs to whoever identified it",
     )
 
 

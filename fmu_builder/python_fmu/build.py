@@ -12,7 +12,7 @@ from pathlib import Path
 from fmu_builder.compiler import TARGETS
 from fmu_builder.errors import BuildError, Problem
 from fmu_builder.files import written_atomically
-from fmu_builder.fmi2 import Interface, index_page, model_description, write_archive
+from fmu_builder.fmi2 import Interface, index_page, licence_page, model_description, write_archive
 from fmu_builder.llmn_fmu import interface
 from fmu_builder.parameter_set import ParameterSet
 
@@ -88,6 +88,7 @@ def build_python_fmu(
     entries = {
         "modelDescription.xml": _description(shown, computed_with.hexdigest()).encode("utf-8"),
         "documentation/index.html": index_page(shown).encode("utf-8"),
+        **{f"documentation/{name}": text for name, text in licence_page().items()},
         "documentation/licenses/pythonfmu.txt": _licence(installed),
         "resources/parameter_set.json": parameter_set.canonical_json().encode("utf-8"),
         "resources/slavemodule.txt": module.encode("ascii"),

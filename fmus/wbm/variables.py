@@ -151,4 +151,6 @@ def interface() -> Interface:
         stop_time=10.0,
         licence="MIT",
         event_indicators=1,
+        author="the pantograph-llmn authors",
+        copyright="(c) 2026 the pantograph-llmn authors",
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,10 +72,10 @@ def build(
     platforms: Sequence[str],
     c_folder: Path | None = None,
     interface: Interface = INTERFACE,
+    pages: Mapping[str, bytes] = {"licenses/license.txt": b"MIT\n"},
 ) -> Path:
     """Build the test FMU; `c_folder` may hold another FMI layer than the one in use."""
     include = (C_FOLDER,) if c_folder is None else (C_FOLDER, c_folder)
-    pages = {"licenses/license.txt": b"MIT\n"}
     return build_fmu(
         interface, MODEL_HASH, C_FOLDER / "all.c", include, {}, output, platforms, {"note.txt": b"x"}, pages
     )

@@ -115,8 +115,8 @@ FMI2_Export fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranc
     if (!is_finite(startTime)) {
         return instance_error(instance, &message, "the start time must be a finite number");
     }
-    if (stopTimeDefined && !(stopTime > startTime)) {
-        return instance_error(instance, &message, "the stop time must be later than the start time");
+    if (stopTimeDefined && !(stopTime >= startTime)) {
+        return instance_error(instance, &message, "the stop time must not be before the start time");
     }
     instance->slave.start_time = startTime;
     instance->slave.stop_time = stopTimeDefined ? stopTime : LARGEST_NUMBER;

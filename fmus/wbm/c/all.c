@@ -8,6 +8,7 @@
 #include "wbm_tangent.c"
 #include "wbm_motion.c"
 #include "wbm_step.c"
+#include "wbm_parameter_tangent.c"
 #include "wbm_model.c"
 #include "slave.c"
 #include "functions.c"

@@ -2,25 +2,38 @@
 
 enum { PARAMETER_COUNT_OF_SET = sizeof(Parameters) / sizeof(double), FIRST_PARAMETER = VARIABLE_l1 };
 
+/* Parameters by name, and in their order. */
+typedef union {
+    Parameters set;
+    double numbers[PARAMETER_COUNT_OF_SET];
+} NumberedParameters;
+
+/* A parameter that nobody has set follows the preset. */
+static int model_follows_preset(const double *values, int n) {
+    return values[FIRST_PARAMETER + n] == variable_start[FIRST_PARAMETER + n];
+}
+
 /* The preset, with what was given another value than its start in the place of what it says. */
+static NumberedParameters model_chosen(const double *values) {
+    NumberedParameters chosen;
+    int n;
+    chosen.set = parameter_sets[(int)values[VARIABLE_preset] - 1];
+    for (n = 0; n < PARAMETER_COUNT_OF_SET; ++n) {
+        if (!model_follows_preset(values, n)) chosen.numbers[n] = values[FIRST_PARAMETER + n];
+    }
+    return chosen;
+}
+
 static int model_set_parameters(Model *model, const double *values, Message *message) {
     const int preset = (int)values[VARIABLE_preset] - 1;
-    union {
-        Parameters set;
-        double numbers[PARAMETER_COUNT_OF_SET];
-    } chosen;
-    int n;
+    NumberedParameters chosen;
     if (preset < 0 || preset >= PARAMETER_SET_COUNT) {
         message_append(message, "preset = ");
         message_append_number(message, values[VARIABLE_preset]);
         message_append(message, " is none of the parameter sets");
         return 1;
     }
-    chosen.set = parameter_sets[preset];
-    for (n = 0; n < PARAMETER_COUNT_OF_SET; ++n) {
-        const double value = values[FIRST_PARAMETER + n];
-        if (value != variable_start[FIRST_PARAMETER + n]) chosen.numbers[n] = value;
-    }
+    chosen = model_chosen(values);
     return wbm_prepare(model, &chosen.set, values[VARIABLE_inner_step], message);
 }
 
@@ -80,24 +93,31 @@ static void model_directional_derivative(
     wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_der_phi_1);
 }
 
-/* The equilibrium follows the inputs; velocities and accelerations stay zero, and inner_step has no part in it. The physical
-   parameters are not differentiated. */
+/* The equilibrium follows inputs and physical parameters; velocities and accelerations stay zero, and inner_step has no part
+   in it. A parameter that follows another preset than the one it starts with jumps away from it: no derivative there. */
 static int model_start_derivative(
     const Model *model, const double *values, const double *direction, double *change, Message *message
 ) {
     const double inputs[INPUTS] = {values[VARIABLE_eta], values[VARIABLE_M_pa]};
     const double du[INPUTS] = {direction[VARIABLE_eta], direction[VARIABLE_M_pa]};
-    double dx[STATE_COUNT];
+    const NumberedParameters chosen = model_chosen(values);
+    NumberedParameters d_chosen;
+    double dx[STATE_COUNT] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, d_rate[STATE_COUNT], dy[OUTPUT_COUNT];
     int n;
-    for (n = FIRST_PARAMETER; n < FIRST_PARAMETER + PARAMETER_COUNT_OF_SET; ++n) {
-        if (direction[n] != 0.0) {
+    for (n = 0; n < PARAMETER_COUNT_OF_SET; ++n) {
+        d_chosen.numbers[n] = direction[FIRST_PARAMETER + n];
+        if (d_chosen.numbers[n] != 0.0 && chosen.numbers[n] != values[FIRST_PARAMETER + n]) {
             message_append(message, "no derivative with respect to ");
-            message_append(message, variable_name[n]);
-            message_append(message, ": physical parameters are not differentiated");
+            message_append(message, variable_name[FIRST_PARAMETER + n]);
+            message_append(message, ": it has its start value, so the preset decides; give it a value of its own");
             return 1;
         }
     }
-    wbm_equilibrium_tangent(&model->constants, model->state, inputs, du, dx);
+    wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, d_rate);
+    for (n = 0; n < OUTPUT_COUNT; ++n) dy[n] = 0.0;
+    wbm_add_parameter_tangent(&chosen.set, &d_chosen.set, model->state, inputs, d_rate, dy);
+    wbm_equilibrium_tangent(&model->constants, model->state, inputs, d_rate, dx);
     wbm_outputs_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_xi);
+    for (n = 0; n < OUTPUT_COUNT; ++n) change[VARIABLE_xi + n] += dy[n];
     return 0;
 }

@@ -184,16 +184,15 @@ static double wbm_newton_step(const Constants *k, const double *x, const double 
     return wbm_cramer(j, r, change);
 }
 
-/* Change dx of the static equilibrium x for a change du of the inputs: the accelerations stay zero. */
+/* Change dx of the static equilibrium x that takes a change d_rate of the accelerations back: they stay zero. */
 static void wbm_equilibrium_tangent(
-    const Constants *k, const double *x, const double *u, const double *du, double *dx
+    const Constants *k, const double *x, const double *u, const double *d_rate, double *dx
 ) {
-    double j[3][3], rate[STATE_COUNT], r[3], change[3];
+    double j[3][3], r[3], change[3];
     int n;
     for (n = 0; n < STATE_COUNT; ++n) dx[n] = 0.0;
-    wbm_derivatives_tangent(k, x, u, dx, du, rate);
     wbm_stiffness(k, x, u, j);
-    for (n = 0; n < 3; ++n) r[n] = -rate[wbm_coordinate[n] + 1];
+    for (n = 0; n < 3; ++n) r[n] = -d_rate[wbm_coordinate[n] + 1];
     (void)wbm_cramer(j, r, change);
     for (n = 0; n < 3; ++n) dx[wbm_coordinate[n]] = change[n];
 }

@@ -283,10 +283,6 @@ def test_derivatives_at_the_start_are_those_of_the_changed_network(fmu: Opened) 
     for column in range(2):
         assert along(column, 1.0) == (OK, expected[:, column].tolist())
     assert along(fmu.references["theta_k_L_2"], 0.0) == (OK, [0.0] * 6)
-    assert along(fmu.references["theta_k_L_2"], 1.0)[0] == ERROR
-    assert slave.last_error().endswith(
-        "no derivative with respect to theta_k_L_2: physical parameters are not differentiated"
-    )
 
 
 def test_parameters_stand_behind_the_outputs_with_units_and_limits(fmu: Opened) -> None:

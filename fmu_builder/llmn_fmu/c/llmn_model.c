@@ -96,16 +96,10 @@ static COLD int model_start_derivative(const Model *model, const double *values,
                                        double *change, Message *message)
 {
     double scratch[TABLES_STATE_SIZE], tangent[TABLES_STATE_SIZE];
-    const int rigid = model_rigid_parameter(direction);
     Tables own;
-    if (rigid != 0) {
-        message_append(message, "no derivative with respect to ");
-        message_append(message, variable_name[rigid]);
-        message_append(message, ": physical parameters are not differentiated");
-        return 1;
-    }
     if (kernel_start_tangent(model_network(model, &own), model->state, values, direction, scratch, tangent,
-                             change + LLMN_FIRST_OUTPUT)) {
+                             change + LLMN_FIRST_OUTPUT) ||
+        model_add_parameter_tangent(model, values, direction, change)) {
         message_append(message, "the steady state has no derivative: an eigenvalue of A is 1");
         return 1;
     }

@@ -11,9 +11,13 @@ static const char *model_remark(const double *values)
     return 0;
 }
 
-/** the value reference of a parameter along which there is no derivative, 0 without one */
-static int model_rigid_parameter(const double *direction)
+/** change[] of what rests, along parameters */
+static int model_add_parameter_tangent(const Model *model, const double *values, const double *direction,
+                                       double *change)
 {
+    (void)model;
+    (void)values;
     (void)direction;
+    (void)change;
     return 0;
 }

@@ -144,12 +144,60 @@ static const char *model_remark(const double *values)
     return 0;
 }
 
-/** the value reference of a parameter along which there is no derivative, 0 without one */
-static int model_rigid_parameter(const double *direction)
+/** what the static map changes by at this height when k_E changes by d_stiffness: its rows stand at other heights */
+static COLD void theta_rest_tangent(const Tables *network, double height, double stiffness, double d_stiffness,
+                                    double *d_rest)
 {
-    for (int k = LLMN_FIRST_PARAMETER; k < LLMN_FIRST_PARAMETER + LLMN_PARAMETERS; ++k) {
-        if (direction[k] != 0.0) {
-            return k;
+    const int cell = kernel_cell(network->map_positions, TABLES_MAP_POINTS, tables.map_scale, height);
+    const double fraction = kernel_fraction(network->map_positions, cell, height);
+    const double *row = tables.map_values + cell * TABLES_OUTPUTS;
+    const double share = theta_head[CHAIN_K_E] / stiffness * (d_stiffness / stiffness); /* - d ratio */
+    const double d_left = (row[0] - tables.map_positions[cell]) * share;
+    const double d_right = (row[TABLES_OUTPUTS] - tables.map_positions[cell + 1]) * share;
+    const double width = network->map_positions[cell + 1] - network->map_positions[cell];
+    const double d_fraction = -(d_left + fraction * (d_right - d_left)) / width;
+    for (int i = 0; i < TABLES_OUTPUTS; ++i) {
+        d_rest[i] = (row[TABLES_OUTPUTS + i] - row[i]) * d_fraction;
+    }
+}
+
+/** change[] of what rests, along parameters */
+static COLD int model_add_parameter_tangent(const Model *model, const double *values, const double *direction,
+                                            double *change)
+{
+    const double *along = direction + LLMN_FIRST_PARAMETER;
+    const double head[CHAIN_HEAD] = {theta_head[CHAIN_M_C], theta_head[CHAIN_K_C], theta_head[CHAIN_C_C],
+                                     model->parameters[0]};
+    const double d_head[CHAIN_HEAD] = {0.0, 0.0, 0.0, along[0]};
+    double scratch[TABLES_STATE_SIZE], tangent[TABLES_STATE_SIZE], d_rest[TABLES_OUTPUTS];
+    double found[TABLES_OUTPUTS + TABLES_LOCAL_MODELS];
+    Tables own;
+    const Tables *network = model_network(model, &own);
+    int still = 1, term = 0;
+    for (int k = 0; k < LLMN_PARAMETERS; ++k) {
+        still = still && along[k] == 0.0;
+    }
+    if (still) {
+        return 0;
+    }
+    theta_rest_tangent(network, values[tables.scheduling], head[CHAIN_K_E], along[0], d_rest);
+    if (chain_start_tangent(network, &theta_tables, head, model->parameters + 1, d_head, along + 1, d_rest,
+                            model->state, values, scratch, tangent, found)) {
+        return 1;
+    }
+    for (int i = 0; i < TABLES_OUTPUTS; ++i) {
+        change[TABLES_INPUTS + i] += found[i];
+    }
+    for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
+        change[TABLES_INPUTS + TABLES_OUTPUTS + TABLES_DERIVED + i] += found[TABLES_OUTPUTS + i];
+    }
+    for (int i = 0; i < TABLES_DERIVED; ++i) {
+        for (; term < tables.term_ends[i]; ++term) {
+            const int signal = tables.term_signals[term], is_output = signal < TABLES_OUTPUTS;
+            const double value = is_output ? values[TABLES_INPUTS + signal] : values[signal - TABLES_OUTPUTS];
+            const double slope = !theta_stiffness_terms[term] ? 0.0 : tables.term_coefficients[term] < 0.0 ? -1.0 : 1.0;
+            change[TABLES_INPUTS + TABLES_OUTPUTS + i] +=
+                slope * along[0] * value + (is_output ? network->term_coefficients[term] * found[signal] : 0.0);
         }
     }
     return 0;

@@ -7,6 +7,7 @@
 #include "kernel.c"
 #include "steady_tangent.c"
 #include "chain.c"
+#include "chain_tangent.c"
 #include "theta_tables.h"
 #include "variables.h"
 #include "llmn_theta.c"

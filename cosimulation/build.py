@@ -15,6 +15,13 @@ from fmus.wbm import build_wbm
 WHITE_BOX = "wbm"
 
 
+class Naming(StrEnum):
+    """How variables are called: names every importer takes, or with dots, indices and der()."""
+
+    FLAT = "flat"
+    STRUCTURED = "structured"
+
+
 class Backend(StrEnum):
     """What an FMU computes with: compiled C, or NumPy through pythonfmu."""
 
@@ -23,7 +30,11 @@ class Backend(StrEnum):
 
 
 def build_model(
-    model: str, output: Path | None, platforms: tuple[str, ...] = (), backend: Backend = Backend.NATIVE
+    model: str,
+    output: Path | None,
+    platforms: tuple[str, ...] = (),
+    backend: Backend = Backend.NATIVE,
+    naming: Naming = Naming.FLAT,
 ) -> Path:
     """Package a model as an FMU.
 
@@ -33,6 +44,7 @@ def build_model(
             (NAME_python.fmu for pythonfmu).
         platforms: FMI platform folders; all that can be built by default.
         backend: What it computes with; the white-box model is native only.
+        naming: How variables are called; a Python FMU has flat names only.
 
     Returns:
         The file written.
@@ -49,13 +61,16 @@ def build_model(
         if not native:
             mend = "Build it natively, or give a parameter set (.json)"
             raise SettingsError.of(f"--backend {backend}", "does not know the white-box model", mend)
-        return build_wbm(output or Path("pantograph_wbm.fmu"), chosen)
+        return build_wbm(output or Path("pantograph_wbm.fmu"), chosen, naming)
     path = Path(model)
     if path.suffix != ".json":
         mend = "Give the path of a parameter set (.json), or the word wbm"
         raise SettingsError.of(f"model {model!r}", "is no parameter set", mend)
     parameters = parameter_set.load(path)
     if native:
-        return build_llmn(parameters, output or path.with_suffix(".fmu"), chosen)
+        return build_llmn(parameters, output or path.with_suffix(".fmu"), chosen, naming=naming)
+    if naming is not Naming.FLAT:
+        mend = "Build it natively, or leave --names out"
+        raise SettingsError.of(f"--names {naming}", "is not for Python FMUs", mend)
     beside = path.with_name(f"{path.stem}_python.fmu")
     return build_python_fmu(parameters, output or beside, platforms or PLATFORMS)

@@ -144,15 +144,19 @@ def build(
     backend: Annotated[
         str, typer.Option(help="`native`, or `pythonfmu`: NumPy inside, for fmpy only.")
     ] = "native",
+    names: Annotated[
+        str, typer.Option(help="`flat`, which every importer takes, or `structured`: theta[2].m_H, der(xi).")
+    ] = "flat",
     as_json: Json = False,
 ) -> None:
     """Package a parameter set, or the white-box pantograph, as an FMU."""
-    from cosimulation.build import Backend, build_model
+    from cosimulation.build import Backend, Naming, build_model
 
-    known = [item.value for item in Backend]
-    if backend not in known:
-        raise SettingsError.of(f"--backend {backend}", "is not known", f"Use one of: {', '.join(known)}")
-    path = build_model(model, output, tuple(platform or ()), Backend(backend))
+    for option, given, choices in (("backend", backend, Backend), ("names", names, Naming)):
+        known = [item.value for item in choices]
+        if given not in known:
+            raise SettingsError.of(f"--{option} {given}", "is not known", f"Use one of: {', '.join(known)}")
+    path = build_model(model, output, tuple(platform or ()), Backend(backend), Naming(names))
     _print({"fmu": str(path)}, as_json, f"FMU: {path}")
 
 

@@ -102,7 +102,7 @@ def _add_variables(root: ET.Element, interface: Interface) -> None:
     listed = ET.SubElement(root, "ModelVariables")
     for position, variable in enumerate(interface.variables):
         attributes = _attributes(
-            name=variable.name,
+            name=interface.shown_name(variable),
             valueReference=position,
             description=variable.description,
             causality=variable.causality,
@@ -180,8 +180,8 @@ def model_description(interface: Interface, guid: str) -> str:
             license=interface.licence,
             generationTool=interface.tool,
             generationDateAndTime=_FIXED_DATE,
-            variableNamingConvention="flat",
             numberOfEventIndicators=interface.event_indicators,
+            variableNamingConvention=interface.naming,
         ),
     )
     _add_interfaces(root, interface)

@@ -23,7 +23,7 @@ def index_page(interface: Interface) -> str:
     rows = [
         _row(
             [
-                variable.name,
+                interface.shown_name(variable),
                 variable.causality,
                 variable.unit,
                 *("" if x is None else str(x) for x in (variable.start, variable.minimum, variable.maximum)),

@@ -62,7 +62,7 @@ def variables_header(interface: Interface, guid: str) -> str:
         f"    EVENT_INDICATORS = {interface.event_indicators}",
         "};",
         "",
-        *_array("char *const ", "variable_name", interface, lambda v: f'"{v.name}"'),
+        *_array("char *const ", "variable_name", interface, lambda v: f'"{interface.shown_name(v)}"'),
         *_array("unsigned char ", "variable_type", interface, lambda v: f"TYPE_{v.type.upper()}"),
         *_array(
             "unsigned char ", "variable_causality", interface, lambda v: f"CAUSALITY_{v.causality.upper()}"

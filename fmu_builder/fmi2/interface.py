@@ -14,6 +14,7 @@ from fmu_builder.errors import BuildError, Problem
 from fmu_builder.files import unwritable_character
 from fmu_builder.fmi2.variable import LONGEST_NAME, NAME, Variable
 
+NAMINGS = ("flat", "structured")
 _ORDER = {"input": 0}
 
 
@@ -39,6 +40,8 @@ class Interface:
         directional_derivatives: Whether the model provides exact partial derivatives.
         event_indicators: How many numbers tell an integrator by a change of their sign that the equations
             have a kink there (model exchange); only for a model with continuous states.
+        naming: "flat", which every importer takes, or "structured": `theta[2].m_H`, `der(xi)` where variables
+            have such a name.
 
     Raises:
         BuildError: Names every problem of the interface and of its variables.
@@ -58,6 +61,7 @@ class Interface:
     copyright: str = ""
     directional_derivatives: bool = True
     event_indicators: int = 0
+    naming: str = "flat"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "variables", tuple(self.variables))
@@ -75,6 +79,10 @@ class Interface:
     def of_causality(self, causality: str) -> tuple[Variable, ...]:
         """Return the variables with this causality in order."""
         return tuple(variable for variable in self.variables if variable.causality == causality)
+
+    def shown_name(self, variable: Variable) -> str:
+        """Return the name of one of the variables in the naming of this interface."""
+        return variable.structured if self.naming == "structured" and variable.structured else variable.name
 
     def value_reference(self, name: str) -> int:
         """Return the value reference of a variable.
@@ -119,7 +127,12 @@ class Interface:
             yield Problem(place, "an input stands behind another variable", "List the inputs first")
 
     def _wrong_names(self) -> Iterator[Problem]:
+        if self.naming not in NAMINGS:
+            what = f"has the naming {self.naming!r}"
+            yield Problem(f"interface {self.model_identifier!r}", what, f"Use one of: {', '.join(NAMINGS)}")
         names = Counter(variable.name for variable in self.variables)
+        shown = Counter(self.shown_name(variable) for variable in self.variables)
+        names |= {name: count for name, count in shown.items() if count > 1}
         for name, count in names.items():
             if count > 1:
                 yield Problem(f"variable {name!r}", f"is there {count} times", "Use each name once")

@@ -12,6 +12,7 @@ from fmu_builder.files import unwritable_character
 from fmu_builder.fmi2.units import UNITS
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+STRUCTURED_NAME = re.compile(rf"(der\()?{NAME.pattern}(\[\d+\])?(\.{NAME.pattern}(\[\d+\])?)*(?(1)\))")
 LONGEST_NAME = 55
 """Simulink cuts names of bus elements and ports beyond this."""
 
@@ -48,6 +49,7 @@ class Variable:
         dependencies: For outputs and state derivatives, the inputs and states that act at once; empty:
             none (the importer sees no algebraic loop); None: unknown, all of them.
         enumeration: The items of an Enumeration, whose values are 1, 2, ...
+        structured: Name with dots and indices, for an interface with structured names; empty: `name`.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Variable:
     derivative_of: str | None = None
     dependencies: tuple[str, ...] | None = ()
     enumeration: tuple[str, ...] = ()
+    structured: str = ""
 
     def __post_init__(self) -> None:
         continuous = "continuous" if self.type == "Real" else "discrete"
@@ -94,6 +97,11 @@ class Variable:
             yield "is not a C identifier", "Use letters, digits and underscores, no digit first"
         if len(self.name) > LONGEST_NAME:
             yield f"has {len(self.name)} characters", f"Use at most {LONGEST_NAME}"
+        if self.structured and not STRUCTURED_NAME.fullmatch(self.structured):
+            yield (
+                f"has the structured name {self.structured!r}",
+                "Use names, indices in brackets, dots, der()",
+            )
         for text in (self.description, *self.enumeration):
             found = unwritable_character(text)
             if found is not None:

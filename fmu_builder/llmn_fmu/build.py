@@ -27,6 +27,7 @@ def build_llmn(
     output: Path,
     platforms: Sequence[str] = DEFAULT_PLATFORMS,
     model_identifier: str | None = None,
+    naming: str = "flat",
 ) -> Path:
     """Build the FMI 2.0 FMU of a network: numbers as tables, the kernel as it is.
 
@@ -41,6 +42,7 @@ def build_llmn(
         output: The .fmu file.
         platforms: FMI 2.0 platform folders.
         model_identifier: C identifier of the FMU; by default the name of the parameter set.
+        naming: "flat", or "structured" names of variables.
 
     Returns:
         `output`.
@@ -49,7 +51,7 @@ def build_llmn(
         BuildError: Unknown platform or unit, or C code that does not compile.
         OutputError: `output` cannot be written.
     """
-    shown = interface(parameter_set, model_identifier)
+    shown = interface(parameter_set, model_identifier, naming)
     unity, headers = _network_headers(parameter_set)
     return build_fmu(
         shown,

@@ -118,7 +118,7 @@ def _variables(shown: Interface) -> Iterator[str]:
     yield "<h2>Variables</h2>"
     rows = [
         (
-            variable.name,
+            shown.shown_name(variable),
             variable.causality,
             variable.unit,
             ", ".join(variable.dependencies or ()),
@@ -149,7 +149,7 @@ def _parameters(shown: Interface) -> Iterator[str]:
         )
     rows = [
         (
-            variable.name,
+            shown.shown_name(variable),
             variable.variability,
             _number(variable.start),
             _number(variable.minimum),

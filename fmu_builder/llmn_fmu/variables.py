@@ -20,7 +20,9 @@ _KINDS = {
 }
 
 
-def interface(parameter_set: ParameterSet, model_identifier: str | None = None) -> Interface:
+def interface(
+    parameter_set: ParameterSet, model_identifier: str | None = None, naming: str = "flat"
+) -> Interface:
     """Return the interface: inputs, outputs, derived outputs, validity_1..M, in_range, parameters, constants.
 
     Inputs start at the operating point, their limits are those seen in training. Outputs carry no limits:
@@ -31,6 +33,7 @@ def interface(parameter_set: ParameterSet, model_identifier: str | None = None) 
     Args:
         parameter_set: The network.
         model_identifier: C identifier of the FMU; by default the name of the parameter set.
+        naming: "flat", or "structured": `validity[1]`, `theta[2].m_H`.
 
     Raises:
         BuildError: A name or unit cannot be expressed; every problem is named.
@@ -47,6 +50,7 @@ def interface(parameter_set: ParameterSet, model_identifier: str | None = None) 
         model_name=name,
         description=description,
         variables=tuple(_variables(parameter_set)),
+        naming=naming,
         default_step=parameter_set.sample_time,
         licence="program: MIT, see documentation/licenses; the model belongs to whoever identified it",
     )
@@ -95,6 +99,7 @@ def _variables(parameter_set: ParameterSet) -> Iterator[Variable]:
         what = f"Weight of local model {number} ({where}) at the last tick"
         yield Variable(
             f"validity_{number}",
+            structured=f"validity[{number}]",
             causality="output",
             unit="1",
             description=what,
@@ -136,6 +141,7 @@ def _parameters(parameter_set: ParameterSet) -> Iterator[Variable]:
         for parameter, value in zip(chain.parameters, row, strict=True):
             yield Variable(
                 f"theta_{parameter.name}_{number}",
+                structured=f"theta[{number}].{parameter.name}",
                 causality="parameter",
                 variability="tunable",
                 unit=parameter.unit,

@@ -25,12 +25,13 @@ def model_hash() -> str:
     return digest.hexdigest()
 
 
-def build_wbm(output: Path, platforms: Sequence[str] = DEFAULT_PLATFORMS) -> Path:
+def build_wbm(output: Path, platforms: Sequence[str] = DEFAULT_PLATFORMS, naming: str = "flat") -> Path:
     """Build the white-box model as an FMU for FMI 2.0 model exchange and co-simulation.
 
     Args:
         output: The .fmu file to write.
         platforms: FMI 2.0 platform folders, keys of `fmu_builder.compiler.TARGETS`.
+        naming: "flat", or "structured" names of variables.
 
     Returns:
         `output`.
@@ -40,7 +41,7 @@ def build_wbm(output: Path, platforms: Sequence[str] = DEFAULT_PLATFORMS) -> Pat
         OutputError: `output` cannot be written.
     """
     return build_fmu(
-        interface(),
+        interface(naming),
         model_hash(),
         C_FOLDER / "all.c",
         INCLUDE,

@@ -126,6 +126,7 @@ def _derivatives() -> tuple[Variable, ...]:
                 unit=unit,
                 description=text,
                 derivative_of=state,
+                structured=f"der({state})",
                 dependencies=dependencies,
             )
             listed.append(variable)
@@ -135,8 +136,8 @@ def _derivatives() -> tuple[Variable, ...]:
 OUTPUTS = tuple(variable.name for variable in _outputs())
 
 
-def interface() -> Interface:
-    """Return the interface of the FMU `pantograph_wbm`."""
+def interface(naming: str = "flat") -> Interface:
+    """Return the interface of the FMU `pantograph_wbm`; with structured naming it has der(xi) for der_xi."""
     return Interface(
         model_identifier=MODEL_IDENTIFIER,
         model_name="Pantograph, white-box model",
@@ -147,6 +148,7 @@ def interface() -> Interface:
         ),
         variables=(*_inputs(), *_outputs(), *_parameters(), *_derivatives(), *_physical()),
         states=STATES,
+        naming=naming,
         default_step=0.001,
         stop_time=10.0,
         licence="MIT",

@@ -55,6 +55,8 @@ def _interface(*variables: Variable, **keywords: object) -> Interface:
         (Variable("v", dependencies=("nobody",)), "depends on 'nobody', which does not exist"),
         (Variable("v", dependencies=("y",)), "neither an input nor a state"),
         (Variable("v", derivative_of="y"), "does not stand in `states`"),
+        (Variable("v", structured="a..b"), "has the structured name 'a..b'"),
+        (Variable("v", structured="der(a"), "has the structured name 'der(a'"),
         (OUTPUT, "is there 2 times"),
     ],
 )
@@ -63,6 +65,15 @@ def test_wrong_variable_is_refused(variable: Variable, words: str) -> None:
         _interface(OUTPUT, variable)
     assert words in str(caught.value)
     assert repr(variable.name) in str(caught.value) or variable.derivative_of is not None
+
+
+def test_namings_that_are_not_known_or_ambiguous_are_refused() -> None:
+    with pytest.raises(BuildError, match="has the naming 'dotted'"):
+        _interface(OUTPUT, naming="dotted")
+    twins = (Variable("v_1", structured="v[1]"), Variable("w_1", structured="v[1]"))
+    assert _interface(OUTPUT, *twins).shown_name(twins[0]) == "v_1"
+    with pytest.raises(BuildError, match=r"'v\[1\]': is there 2 times"):
+        _interface(OUTPUT, *twins, naming="structured")
 
 
 def test_all_problems_are_named_at_once() -> None:

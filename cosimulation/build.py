@@ -5,14 +5,13 @@ from __future__ import annotations
 from enum import StrEnum
 from pathlib import Path
 
+import fmus
 from fmu_builder import parameter_set
 from fmu_builder.errors import SettingsError
 from fmu_builder.fmi2 import DEFAULT_PLATFORMS
 from fmu_builder.llmn_fmu import build_llmn
+from fmu_builder.parameter_set import ParameterSet
 from fmu_builder.python_fmu import PLATFORMS, build_python_fmu
-from fmus.wbm import build_wbm
-
-WHITE_BOX = "wbm"
 
 
 class Naming(StrEnum):
@@ -39,9 +38,9 @@ def build_model(
     """Package a model as an FMU.
 
     Args:
-        model: Path of a parameter set (.json), or "wbm" for the white-box pantograph.
-        output: FMU to write; default NAME.fmu in the working folder, or beside the parameter set
-            (NAME_python.fmu for pythonfmu).
+        model: Path of a parameter set (.json), or one of `fmus.NAMES`.
+        output: FMU to write; by default beside the parameter set, or in the working folder under the model
+            identifier; for pythonfmu the name ends in `_python`.
         platforms: FMI platform folders; all that can be built by default.
         backend: What it computes with; the white-box model is native only.
         naming: How variables are called; a Python FMU has flat names only.
@@ -56,21 +55,33 @@ def build_model(
         OutputError: The file cannot be written.
     """
     chosen = platforms or DEFAULT_PLATFORMS
-    native = backend is Backend.NATIVE
-    if model == WHITE_BOX:
-        if not native:
-            mend = "Build it natively, or give a parameter set (.json)"
-            raise SettingsError.of(f"--backend {backend}", "does not know the white-box model", mend)
-        return build_wbm(output or Path("pantograph_wbm.fmu"), chosen, naming)
-    path = Path(model)
-    if path.suffix != ".json":
-        mend = "Give the path of a parameter set (.json), or the word wbm"
+    if backend is Backend.PYTHONFMU:
+        if naming is not Naming.FLAT:
+            mend = "Build it natively, or leave --names out"
+            raise SettingsError.of(f"--names {naming}", "is not for Python FMUs", mend)
+        parameters = _network(model, backend)
+        beside = _beside(model)
+        beside = beside.with_stem(f"{beside.stem}_python")
+        return build_python_fmu(parameters, output or beside, platforms or PLATFORMS)
+    if model in fmus.NAMES:
+        return fmus.build(model, output or _beside(model), chosen, naming)
+    parameters = _network(model, backend)
+    return build_llmn(parameters, output or _beside(model), chosen, naming=naming)
+
+
+def _beside(model: str) -> Path:
+    """Return where the FMU goes by default."""
+    return Path(f"{fmus.model_identifier(model)}.fmu" if model in fmus.NAMES else model).with_suffix(".fmu")
+
+
+def _network(model: str, backend: Backend) -> ParameterSet:
+    """Return the parameter set of a file, or of a network that comes with the project."""
+    if model in fmus.NETWORKS:
+        return fmus.network(model)
+    if model in fmus.NAMES:
+        mend = "Build it natively, or give a network"
+        raise SettingsError.of(f"--backend {backend}", "does not know the white-box model", mend)
+    if Path(model).suffix != ".json":
+        mend = f"Give the path of a parameter set (.json), or one of the words {', '.join(fmus.NAMES)}"
         raise SettingsError.of(f"model {model!r}", "is no parameter set", mend)
-    parameters = parameter_set.load(path)
-    if native:
-        return build_llmn(parameters, output or path.with_suffix(".fmu"), chosen, naming=naming)
-    if naming is not Naming.FLAT:
-        mend = "Build it natively, or leave --names out"
-        raise SettingsError.of(f"--names {naming}", "is not for Python FMUs", mend)
-    beside = path.with_name(f"{path.stem}_python.fmu")
-    return build_python_fmu(parameters, output or beside, platforms or PLATFORMS)
+    return parameter_set.load(Path(model))

@@ -96,6 +96,12 @@ def generate(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Stands in for `seed`.", show_default=False)] = None,
     output: Annotated[Path | None, typer.Option(help="Stands in for `output`.", show_default=False)] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Start value NAME=VALUE of the reference FMU, several allowed.", show_default=False
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Make reference data: drive any FMU, or read recorded files, by a settings file."""
@@ -103,8 +109,11 @@ def generate(
     from cosimulation.settings import GenerateSettings, load_settings, settings_line, with_flags
 
     chosen = load_settings(GenerateSettings, settings)
-    fmu = None if reference is None else chosen.reference.model_copy(update={"fmu": reference})
-    chosen = with_flags(chosen, seed=seed, output=output, reference=fmu)
+    given: dict[str, object] = {} if reference is None else {"fmu": reference}
+    if start:
+        given["start_values"] = {**chosen.reference.start_values, **_start_values(start)}
+    driven = chosen.reference.model_copy(update=given) if given else None
+    chosen = with_flags(chosen, seed=seed, output=output, reference=driven)
     reporter = _reporter(as_json)
     reporter.say(settings_line(chosen, settings))
     folder = generate_data(chosen, reporter)
@@ -135,10 +144,16 @@ def identify(
 
 @app.command()
 def build(
-    model: Annotated[str, typer.Argument(help="A parameter set (.json), or `wbm`.", show_default=False)],
+    model: Annotated[
+        str,
+        typer.Argument(
+            help="A parameter set (.json), or wbm, surrogate, n4sid, surrogate_blow, n4sid_blow.",
+            show_default=False,
+        ),
+    ],
     output: Annotated[
         Path | None,
-        typer.Option(help="FMU to write; beside the parameter set by default.", show_default=False),
+        typer.Option(help="FMU to write; beside the parameter set, or here, by default.", show_default=False),
     ] = None,
     platform: Platforms = None,
     backend: Annotated[
@@ -149,7 +164,7 @@ def build(
     ] = "flat",
     as_json: Json = False,
 ) -> None:
-    """Package a parameter set, or the white-box pantograph, as an FMU."""
+    """Package a parameter set as an FMU, or build one that comes with the project."""
     from cosimulation.build import Backend, Naming, build_model
 
     for option, given, choices in (("backend", backend, Backend), ("names", names, Naming)):
@@ -215,7 +230,7 @@ def validate(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="order, blending or surrogate.", show_default=False)],
+    name: Annotated[str, typer.Argument(help="order, blending, surrogate or shipped.", show_default=False)],
     settings: Annotated[
         Path | None,
         typer.Option(help="Settings file that stands in for the one that comes with it.", show_default=False),

@@ -58,7 +58,8 @@ def make_data(settings: GenerateSettings, reporter: Reporter = SILENT) -> DataFo
             _require_units(
                 settings, fmu.path.name, {name: fmu.variable(name).unit for name in _mapped(settings)}
             )
-            origin["reference"] = {"model": fmu.description.modelName, "sha256": fmu.sha256}
+            known = fmu.description
+            origin["reference"] = {"model": known.modelName, "guid": known.guid, "sha256": fmu.sha256}
         driven = [item for item in settings.experiments if item.file is None]
         steps = sum(round((item.duration or 0.0) / settings.excitation.sample_time) for item in driven)
         with reporter.bar("reference data", max(steps, 1)) as advance:

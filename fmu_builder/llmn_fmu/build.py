@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu
@@ -28,6 +28,7 @@ def build_llmn(
     platforms: Sequence[str] = DEFAULT_PLATFORMS,
     model_identifier: str | None = None,
     naming: str = "flat",
+    documentation: Mapping[str, bytes] | None = None,
 ) -> Path:
     """Build the FMI 2.0 FMU of a network: numbers as tables, the kernel as it is.
 
@@ -43,6 +44,7 @@ def build_llmn(
         platforms: FMI 2.0 platform folders.
         model_identifier: C identifier of the FMU; by default the name of the parameter set.
         naming: "flat", or "structured" names of variables.
+        documentation: Files below documentation/ beside the model card.
 
     Returns:
         `output`.
@@ -62,7 +64,10 @@ def build_llmn(
         output,
         platforms=platforms,
         resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8")},
-        documentation={"index.html": model_card(parameter_set, shown).encode("utf-8")},
+        documentation={
+            **(documentation or {}),
+            "index.html": model_card(parameter_set, shown).encode("utf-8"),
+        },
     )
 
 

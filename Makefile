@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test fuzz lint lock clean
+.PHONY: demo test fuzz lint fmus identify-fmus lock clean
 
 demo: $(READY)
 	$(RUN) -m cosimulation demo
@@ -25,6 +25,19 @@ lint: $(READY)
 	$(RUN) -m ruff format .
 	$(RUN) -m ruff check --fix .
 	$(RUN) -m mypy
+
+# The FMUs in the folders of fmus/, from the parameters that stand there; the same bytes for the same sources.
+fmus: $(READY)
+	$(RUN) -m fmus
+
+# Identifies the networks of fmus/ anew, which takes minutes, and shows how far their FIT is from the committed one.
+# `llmn study shipped` shows the same and replaces nothing.
+identify-fmus: $(READY)
+	$(RUN) -m fmus wbm
+	rm -rf runs/study-shipped
+	-$(RUN) -m cosimulation study shipped
+	cp -R runs/study-shipped/models/. fmus/
+	$(RUN) -m fmus
 
 $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed (make PYTHON=...); this is " + sys.version.split()[0])'

@@ -111,6 +111,20 @@ def identify_candidates(
     )
 
 
+def n4sid_labels(wbm: str, parameter_set: ParameterSet, local: LocalModels) -> dict[str, Any]:
+    """Return the fields of the score records of an n4sid network; `wbm` is the white-box set."""
+    alignment = local.settings.alignment if parameter_set.blending == "parameter" else None
+    return _labels(wbm, parameter_set, alignment=alignment)
+
+
+def surrogate_labels(
+    wbm: str, parameter_set: ParameterSet, result: surrogate.SurrogateResult
+) -> dict[str, Any]:
+    """Return the fields of the score records of a surrogate; `wbm` is the white-box set."""
+    route = "frequency response" + (", output error" if result.recommended == "tuned" else "")
+    return _labels(wbm, parameter_set, structure=result.settings.structure, route=route)
+
+
 def _labels(wbm: str, parameter_set: ParameterSet, **more: Any) -> dict[str, Any]:
     llms = len(parameter_set.local_models)
     return {
@@ -136,8 +150,7 @@ def _n4sid(
     forces: tuple[DerivedOutput, ...],
 ) -> Candidate:
     found = automatic_network(identifier(model, wbm), local, data, settings, forces)
-    alignment = local.settings.alignment if found.parameter_set.blending == "parameter" else None
-    labels = _labels(wbm, found.parameter_set, alignment=alignment)
+    labels = n4sid_labels(wbm, found.parameter_set, local)
     return Candidate(
         title, found.parameter_set, labels, local=local, choices=found.choices, warnings=found.warnings
     )
@@ -180,8 +193,7 @@ def _surrogate(
         local.trained_on(training), training, head, validation=validation, operating_points=heights
     )
     parameter_set = surrogate.network(identifier("surrogate", wbm), result, forces)
-    route = "frequency response" + (", output error" if result.recommended == "tuned" else "")
-    labels = _labels(wbm, parameter_set, structure=result.settings.structure, route=route)
+    labels = surrogate_labels(wbm, parameter_set, result)
     title = f"surrogate, three masses, {len(result.structure.parameters)} parameters"
     warnings = (*local.warnings, *surrogate_warnings(result, training))
     provenance = {**parameter_set.provenance, "warnings": [warning.record() for warning in warnings]}

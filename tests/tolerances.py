@@ -48,6 +48,8 @@ RMS_SCALING = 1e-14  # relative: one division and one square root
 HALF_POWER = 0.04  # relative: spectrum of two million samples, 240 windows and a few bins
 LEVEL_SPREAD = 0.02  # relative: standard deviation of some thousand uniform levels
 NOISE_FREE_FIT = 1e-6  # percentage points: what rounding leaves of 100 %
+SHIPPED_SCORE = 1e-9  # percentage points, relative errors: the same bits, norms summed in another order
+OTHER_RECORD = 1.3  # error against the committed one: eight records of 120 s scatter by 20 % about their mean
 NOISE_FREE_POLE = 1e-9  # in the z plane: least squares in double precision
 NOISY_FIT = (
     0.02  # percentage points: the prototype is at 99.992 or better, one seed; five seeds scatter by this

@@ -11,7 +11,7 @@ from cosimulation.progress import Reporter
 from cosimulation.result_folder import result_folder
 from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
-from cosimulation.study import blending, order, surrogate, tables
+from cosimulation.study import blending, order, shipped, surrogate, tables
 from cosimulation.study.limits import judge, plural
 from cosimulation.study.page import Section, render
 from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
@@ -35,6 +35,7 @@ class Study:
             begins with `cpu` is a timing, with `measure` what limits may be set on.
         sections: Score records and findings to the sections of its page.
         recommend: Whether configurations compete, so that one is recommended by validation data.
+        lines: Findings to lines that the command prints before the limits.
     """
 
     settings: type[StudySettings]
@@ -42,6 +43,7 @@ class Study:
     run: Callable[[Any], Records]
     sections: Callable[[Any, Records, Records], list[Section]]
     recommend: bool
+    lines: Callable[[Any, Records], list[str]] = lambda _settings, _findings: []
 
 
 STUDIES = {
@@ -51,6 +53,9 @@ STUDIES = {
     ),
     "surrogate": Study(
         surrogate.SurrogateStudySettings, surrogate.tasks, surrogate.run_task, surrogate.sections, True
+    ),
+    "shipped": Study(
+        shipped.ShippedSettings, shipped.tasks, shipped.run_task, shipped.sections, False, shipped.lines
     ),
 }
 _FINDINGS = ("measure", "theta", "optima", "reason", "drawing", "information", "exact")
@@ -101,7 +106,7 @@ def run(
             told = [item for item in findings if "drawing" not in item]
             write_text(folder / "findings.json", as_json(told))
         write_text(folder / "settings.json", text + "\n")
-    return StudyResult(output, scores, verdicts, {})
+    return StudyResult(output, scores, verdicts, {}, tuple(study.lines(settings, findings)))
 
 
 def _with_recommendations(scores: Records) -> Records:

@@ -40,12 +40,14 @@ class StudyResult:
         records: Score records.
         verdicts: One per limit.
         seconds: CPU seconds by step, as far as the study measures them.
+        lines: What is told a person before the verdicts.
     """
 
     folder: Path
     records: list[dict[str, Any]]
     verdicts: list[Verdict]
     seconds: dict[str, float]
+    lines: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -68,8 +70,8 @@ class StudyResult:
 
     def text(self) -> str:
         """Return the result for a person."""
-        lines = [verdict.line() for verdict in self.verdicts]
-        return "\n".join([*lines, f"report: {self.folder / 'report.html'}"])
+        verdicts = [verdict.line() for verdict in self.verdicts]
+        return "\n".join([*self.lines, *verdicts, f"report: {self.folder / 'report.html'}"])
 
 
 class Pool(Generic[Task]):

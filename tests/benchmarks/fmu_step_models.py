@@ -1,4 +1,4 @@
-"""What fmu_step.py steps: small networks of the pantograph's size, and a slave that does nothing."""
+"""What fmu_step.py steps: networks, committed and made by hand, and a slave that does nothing."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ sys.path.append(str(TESTS))  # the fixtures below import each other by file name
 from local_networks import FORCE, local_models  # noqa: E402
 from theta_networks import theta_network  # noqa: E402
 
+import fmus  # noqa: E402
 from fmu_builder.compiler import host_platform  # noqa: E402
 from fmu_builder.fmi2 import build_fmu  # noqa: E402
 from fmu_builder.kernel import tables_of  # noqa: E402
@@ -42,6 +43,16 @@ def n4sid(
         offsets="scheduled_equilibrium",
     )
     return network("n4sid_network", local_models(scales), settings, (FORCE,))
+
+
+def networks() -> dict[str, ParameterSet]:
+    """Return what is measured: the committed networks of set A, and by hand what they do not have."""
+    return {
+        "surrogate": fmus.network("surrogate"),
+        "n4sid": fmus.network("n4sid"),
+        "surrogate, by hand": surrogate(),
+        "n4sid, output blending": n4sid(),
+    }
 
 
 def build_empty(output: Path) -> Path:

@@ -34,6 +34,11 @@ def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
     assert "contact force at rest: 69.7 N" in run(tmp_path, sys.executable, "-c", code)
 
 
+def test_the_python_of_the_page_on_fmus_runs(tmp_path: Path) -> None:
+    (code,) = blocks("docs/fmus.md", "python")
+    assert "contact force at rest: 69.7 N" in run(tmp_path, sys.executable, "-c", code)
+
+
 def test_the_command_lines_and_settings_of_the_documents_run(tmp_path: Path) -> None:
     (tmp_path / "generate.toml").write_text(blocks("docs/settings.md", "toml")[0], encoding="utf-8")
     (tmp_path / "identify.toml").write_text(blocks("docs/settings.md", "toml")[1], encoding="utf-8")
@@ -108,6 +113,9 @@ def test_the_wheel_holds_the_packages_and_their_sources_only(tmp_path: Path) -> 
         "fmus/wbm/parameters.json",
         "identification/surrogate/c/output_error.c",
         "cosimulation/studies/demo.toml",
+        "fmus/surrogate/pantograph_surrogate.fmu",
+        "fmus/n4sid_blow/parameters.json",
+        "fmus/n4sid_blow/README.md",
     ):
         assert needed in names
 

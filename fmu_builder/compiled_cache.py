@@ -29,11 +29,12 @@ def kept(folder: Path, key: str) -> bytes | None:
     try:
         whole = path.read_bytes()
         digest, content = whole[:_DIGEST], whole[_DIGEST:]
-        if digest != hashlib.sha256(key.encode() + content).digest():
-            return None
-        os.utime(path)
     except OSError:
         return None
+    if digest != hashlib.sha256(key.encode() + content).digest():
+        return None
+    with contextlib.suppress(OSError):  # only says when it was used last
+        os.utime(path)
     return content
 
 

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from local_networks import FORCE, local_models
@@ -13,7 +14,9 @@ from theta_networks import theta_network
 
 from fmu_builder.compiler import TARGETS, host_platform
 from fmu_builder.llmn_fmu import build_llmn
+from fmu_builder.parameter_set import ParameterSet
 from fmus.wbm import build_wbm
+from fmus.wbm.variables import DEFAULT_INNER_STEP
 from identification.n4sid import network
 from identification.network import NetworkSettings
 from platforms import machines
@@ -23,9 +26,9 @@ from platforms.scenarios import Fmu, all_of
 NAMES = ("wbm", "surrogate", "n4sid", "n4sid_parameter")
 
 
-def _n4sid(blending: str):  # type: ignore[no-untyped-def]
+def _n4sid(blending: Literal["output", "parameter"]) -> ParameterSet:
     settings = NetworkSettings(
-        blending=blending,  # type: ignore[arg-type]
+        blending=blending,
         validity="cubic_warp",
         warp=(0.1, -0.05),
         nodes=21,
@@ -45,9 +48,9 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
         name: _n4sid(blending) for name, blending in (("n4sid", "output"), ("n4sid_parameter", "parameter"))
     }
     changed = (("k_E", 8e4), ("theta_m_H_1", 9.5), ("theta_k_L_3", 21000.0))
-    found = {"wbm": Fmu(wbm, 0.00025, ()), "surrogate": Fmu(surrogate, 1e-3, changed)}
+    found = {"wbm": Fmu(wbm, DEFAULT_INNER_STEP), "surrogate": Fmu(surrogate, 1e-3, changed)}
     for name, one in plain.items():
-        found[name] = Fmu(build_llmn(one, folder / f"{name}.fmu", here), 1e-3, ())
+        found[name] = Fmu(build_llmn(one, folder / f"{name}.fmu", here), 1e-3)
     for fmu in found.values():
         with zipfile.ZipFile(fmu.path) as archive:
             archive.extractall(fmu.path.with_suffix(""))

@@ -19,26 +19,25 @@ DURATION = 0.12  # s
 MODEL_EXCHANGE, CO_SIMULATION = 0, 1
 
 
-@dataclass(frozen=True)
+@dataclass
 class Fmu:
     """An FMU on disk and what the scenarios need to know of it."""
 
     path: Path
     sample_time: float  # s
-    changed: tuple[tuple[str, float], ...]  # parameters and other values for them
+    changed: tuple[tuple[str, float], ...] = ()  # parameters and other values for them
 
     def __post_init__(self) -> None:
         description = fmpy.read_model_description(str(self.path))
-        object.__setattr__(self, "guid", description.guid)
-        object.__setattr__(self, "identifier", description.coSimulation.modelIdentifier)
-        object.__setattr__(self, "states", description.numberOfContinuousStates)
-        references = {variable.name: variable.valueReference for variable in description.modelVariables}
-        object.__setattr__(self, "references", references)
+        self.guid: str = description.guid
+        self.identifier: str = description.coSimulation.modelIdentifier
+        self.states: int = description.numberOfContinuousStates
+        self.references = {v.name: v.valueReference for v in description.modelVariables}
 
     @property
     def readable(self) -> int:
         """Number of Reals from the first variable on: inputs and outputs stand first."""
-        return next(reference for name, reference in self.references.items() if name == "F_p") + 1
+        return int(self.references["F_p"]) + 1
 
 
 def begin(fmu: Fmu, kind: int, changed: bool = False) -> Iterator[str]:

@@ -191,7 +191,7 @@ def _local_model_lines(local: LocalModels) -> list[str]:
 def _readable(value: Any) -> str:
     """Return a diagnostic on one line: numbers in six digits, names and values of a table."""
     if isinstance(value, Mapping):
-        return ", ".join(f"{name.replace('_', ' ')} {_readable(item)}" for name, item in value.items()) or "-"
+        return ", ".join(f"{name} {_readable(item)}" for name, item in value.items()) or "-"
     if isinstance(value, list | tuple):
         return " | ".join(map(_readable, value)) if value else "-"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

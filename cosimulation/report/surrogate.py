@@ -116,7 +116,7 @@ def surrogate_table(title: str, result: SurrogateResult, name: str) -> Surrogate
         title=title,
         description=description[:1].upper() + description[1:],
         recommended=dict(THETAS)[result.recommended],
-        reason=result.reason,
+        reason=result.reason[:1].upper() + result.reason[1:],
         head=", ".join(f"{name} = {quantity.value:g} {quantity.unit}" for name, quantity in head),
         columns=tuple(f"LLM {index + 1}, {centre:g} m" for index, centre in enumerate(result.frame.centres)),
         rows=tuple(rows),

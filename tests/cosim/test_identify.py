@@ -309,6 +309,6 @@ def test_a_surrogate_tells_how_sure_it_is(folder: Path, tmp_path: Path) -> None:
     assert other.fit != found.fit  # what is told is told of the theta that is in the network
     told = replace(result, diagnostics=_diagnostics(other)).text()
     assert all(line in told for line in other.remarks(other.recommended))
-    assert f"F p {other.fit['F_p']:.6g}" in told and f"F p {found.fit['F_p']:.6g}" in text
+    assert f"F_p {other.fit['F_p']:.6g}" in told and f"F_p {found.fit['F_p']:.6g}" in text
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Physical parameters" in page and 'id="theta-surrogate-' in page

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from fmu_builder import parameter_set
 from fmu_builder.errors import DataError, IdentificationError
@@ -18,9 +17,8 @@ from identification import n4sid, surrogate
 from identification.data_set import DataSet
 from identification.excitation import operating_point_inputs, whole_range_inputs, with_measurement_noise
 from identification.scores import fit_percent
-from identification.surrogate import REASONED_START, SIGNALS, THESIS, Head, SurrogateResult, SurrogateSettings
+from identification.surrogate import SIGNALS, THESIS, Head, SurrogateResult, SurrogateSettings
 from identification.surrogate.chain import OUTPUT_NAMES
-from identification.surrogate.frequency_response import fit_frequency_response
 from identification.surrogate.job import judged
 from identification.surrogate.problem import NetworkParameters
 from identification.surrogate.structure import STRUCTURES
@@ -307,59 +305,6 @@ def test_the_recommendation_is_judged_on_validation_data() -> None:
     np.testing.assert_array_equal(misled.tuned, unaware.tuned)
 
 
-def test_what_runs_away_is_refused_in_words(clean, monkeypatch: pytest.MonkeyPatch) -> None:
-    result, _, training, _ = clean
-
-    def falling(*given, **more):
-        found = fit_frequency_response(*given, **more)
-        return replace(found, theta=np.where(np.array(CHAIN8.names) == "c_W", -1e4, found.theta))
-
-    monkeypatch.setattr("identification.surrogate.job.fit_frequency_response", falling)
-    with pytest.raises(IdentificationError, match="unstable on whole-range data"):
-        surrogate.identify(result.local, [training], HEAD, SurrogateSettings(**FAST))
-
-
-def test_bounds_are_flagged_and_every_theta_tells_how_it_was_found(clean) -> None:
-    """The physical theta at a bound, the tuned one not: each has its own flags, remarks and account."""
-    result, _, _, _ = clean
-    held = result.physical.copy()
-    held[2, CHAIN8.names.index("m_H")] = 50.0
-    errors = np.full((4, 8), 0.1)
-    errors[2, 0], errors[1] = np.nan, np.nan
-    moved = replace(
-        result, physical_parameters=replace(result.physical_parameters, theta=held), physical_errors=errors
-    )
-    stored = moved.parameters()
-    assert stored.physical_at_bound == ((), (), ("m_H",), ()) and stored.at_bound == ((),) * 4
-    assert stored.certainty is not None
-    told = stored.certainty.physical_remarks
-    assert told[0] == "m_H[3] stands at a bound: no standard error"
-    assert told[1].startswith("local model 2: a tenth left out")
-    assert any(line.startswith("k_L") for line in told) is False and stored.tuned_from == "physical theta"
-    given = {"single_start": dict(zip(CHAIN8.names, PLANT8.tolist(), strict=True)), "stages": (1, 2, 4)}
-    settings = result.settings.model_copy(
-        update={"output_error": result.settings.output_error.model_copy(update=given)}
-    )
-    other = replace(result, frame=replace(result.frame, settings=settings))
-    assert other.tuned_from == "single start that was given, 1 -> 2 -> 4 local models"
-
-
-def test_correlations_beside_a_bound_are_kept(clean) -> None:
-    result, network, _, _ = clean
-    assert result.certainty is not None
-    table = result.certainty.correlations.copy()
-    table[1, 0, :] = table[1, :, 0] = np.nan
-    stored = replace(result, certainty=replace(result.certainty, correlations=table)).parameters().certainty
-    assert stored is not None and stored.correlations[1][0] == (None,) * 8
-    assert stored.correlations[0][0][1] == table[0, 0, 1]
-    again = ParameterSet.model_validate_json(
-        network.replaced(
-            surrogate=network.surrogate.model_copy(update={"certainty": stored})
-        ).canonical_json()
-    )
-    assert again.surrogate.certainty == stored
-
-
 def test_the_thesis_route_of_the_documents_is_the_one_of_the_code() -> None:
     text = (Path(__file__).resolve().parents[2] / "docs" / "settings.md").read_text(encoding="utf-8")
     (block,) = [part.split("```")[0] for part in text.split("```toml\n") if "stages" in part.split("```")[0]]
@@ -405,36 +350,6 @@ def test_few_local_models_have_nothing_to_blend_or_little(count: int) -> None:
     assert (network.partition.deviation_gain == 0.0 and network.partition.warp == (0.0, 0.0)) or count > 1
     outputs = simulate(network, training.matrix(("eta", "M_pa")))
     assert fit_percent(training.column("F_p"), outputs[:, 5]) >= 99.9
-
-
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({"validity": "gaussian"}, "node table"),
-        ({"offsets": "affine"}, "affine offsets belong"),
-        ({"blending": "matrices", "deviation_gain": 0.5}, "deviation"),
-        ({"blending": "matrices", "validity": "cubic_warp"}, "warp"),
-        ({"training_rows": (10, 5)}, "training_rows"),
-        ({"output_error": {"stages": (0, 4)}}, "stage"),
-        ({"blending": "matrices", "warp": (1.0, 0.0)}, "cubic_warp"),
-        ({"deviation_gain": float("nan")}, "deviation_gain is nan"),
-        ({"warp": (0.0, float("inf"))}, "warp is inf"),
-        (
-            {"output_error": {"contact_force_weight": float("inf")}},
-            "output_error.contact_force_weight is inf",
-        ),
-        ({"frequency_response": {"lowest": 40.0, "highest": 0.4}}, "40 Hz, is not below highest"),
-        ({"frequency_response": {"seed": -1}}, "greater than or equal to 0"),
-        ({"output_error": {"single_start": {"m_h": 8.0}}}, "has no m_h.*lacks m_H, m_M, k_L"),
-        (
-            {"structure": "chain7", "output_error": {"single_start": {**REASONED_START, "m_M": -20.0}}},
-            "m_M = -20 lies outside 5 .. 50 kg",
-        ),
-    ],
-)
-def test_settings_that_contradict_each_other_are_refused(changes: dict[str, object], word: str) -> None:
-    with pytest.raises(ValidationError, match=word):
-        SurrogateSettings(**changes)
 
 
 def test_what_does_not_fit_is_refused_together(clean) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -232,3 +233,13 @@ def test_coefficients_of_another_structure_become_theta() -> None:
         **{"m_C": HEAD.m_C, "k_C": HEAD.k_C, "c_C": HEAD.c_C},
     }
     assert CHAIN8.from_coefficients({"r_M": 0.25}, HEAD)[CHAIN8.names.index("b_M")] == 4.0
+
+
+def test_the_documents_draw_every_structure() -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "surrogate.md").read_text(encoding="utf-8")
+    drawn = {
+        line.split()[0]: line.strip().split(maxsplit=1)[1]
+        for line in text.splitlines()
+        if "    chain" in line
+    }
+    assert drawn == {name: structure.diagram for name, structure in STRUCTURES.items()}

@@ -168,7 +168,7 @@ def _with_keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise ValueError(f"the key {ascii(key)} is there twice in one object")
+            raise ValueError(f"the key {key!a} is there twice in one object")
         found[key] = value
     return found
 

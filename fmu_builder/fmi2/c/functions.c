@@ -36,7 +36,7 @@ static int same_text(const char *left, const char *right)
     return *left == *right;
 }
 
-FMI2_Export fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
+FMI2_Export COLD fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
                                           fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
                                           fmi2Boolean visible, fmi2Boolean loggingOn)
 {
@@ -77,7 +77,7 @@ FMI2_Export void fmi2FreeInstance(fmi2Component c)
     free(c);
 }
 
-FMI2_Export fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
+FMI2_Export COLD fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                            const fmi2String categories[])
 {
     Message message;
@@ -102,7 +102,7 @@ FMI2_Export fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingO
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance,
+FMI2_Export COLD fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance,
                                            fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime)
 {
     Message message;
@@ -123,7 +123,7 @@ FMI2_Export fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranc
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component c)
+FMI2_Export COLD fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
     Message message;
     Instance *instance = instance_of(c, LEGAL_EnterInitializationMode, "fmi2EnterInitializationMode", &message);
@@ -134,7 +134,7 @@ FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component c)
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component c)
+FMI2_Export COLD fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 {
     Message message;
     Instance *instance = instance_of(c, LEGAL_ExitInitializationMode, "fmi2ExitInitializationMode", &message);
@@ -150,7 +150,7 @@ FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     return instance_log(instance, fmi2OK, &message);
 }
 
-FMI2_Export fmi2Status fmi2Terminate(fmi2Component c)
+FMI2_Export COLD fmi2Status fmi2Terminate(fmi2Component c)
 {
     Message message;
     Instance *instance = instance_of(c, LEGAL_Terminate, "fmi2Terminate", &message);
@@ -161,7 +161,7 @@ FMI2_Export fmi2Status fmi2Terminate(fmi2Component c)
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
+FMI2_Export COLD fmi2Status fmi2Reset(fmi2Component c)
 {
     Message message;
     Instance *instance = instance_of(c, LEGAL_Reset, "fmi2Reset", &message);
@@ -193,8 +193,8 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
 
 /** one setter: all values are checked before the first is stored; what is refused leaves no trace, not even a warning
     that is given once */
-#define DEFINE_SET(name, type, types, as_double, legal)                                                       \
-    FMI2_Export fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const type value[]) \
+#define DEFINE_SET(kept, name, type, types, as_double, legal)                                                 \
+    FMI2_Export kept fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const type value[]) \
     {                                                                                                         \
         Message message;                                                                                      \
         double before[VARIABLE_COUNT];                                                                        \
@@ -230,18 +230,18 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component c)
 DEFINE_GET(fmi2GetReal, fmi2Real, TYPE_REAL)
 DEFINE_GET(fmi2GetInteger, fmi2Integer, TYPE_INTEGER | TYPE_ENUMERATION)
 DEFINE_GET(fmi2GetBoolean, fmi2Boolean, TYPE_BOOLEAN)
-DEFINE_SET(fmi2SetReal, fmi2Real, TYPE_REAL, AS_DOUBLE, LEGAL_SetReal)
-DEFINE_SET(fmi2SetInteger, fmi2Integer, TYPE_INTEGER | TYPE_ENUMERATION, AS_DOUBLE, LEGAL_SetDiscrete)
-DEFINE_SET(fmi2SetBoolean, fmi2Boolean, TYPE_BOOLEAN, AS_LOGICAL, LEGAL_SetDiscrete)
+DEFINE_SET(, fmi2SetReal, fmi2Real, TYPE_REAL, AS_DOUBLE, LEGAL_SetReal)
+DEFINE_SET(COLD, fmi2SetInteger, fmi2Integer, TYPE_INTEGER | TYPE_ENUMERATION, AS_DOUBLE, LEGAL_SetDiscrete)
+DEFINE_SET(COLD, fmi2SetBoolean, fmi2Boolean, TYPE_BOOLEAN, AS_LOGICAL, LEGAL_SetDiscrete)
 
 /* There are no strings: every value reference is of another type. */
 
-FMI2_Export fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])
+FMI2_Export COLD fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])
 {
     return instance_to_read(c, vr, nvr, value, 0, "fmi2GetString");
 }
 
-FMI2_Export fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+FMI2_Export COLD fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                      const fmi2String value[])
 {
     Message message;

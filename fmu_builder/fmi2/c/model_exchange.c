@@ -27,7 +27,7 @@ static int instance_has_states(const Instance *instance, const fmi2Real x[], siz
 
 /* Modes */
 
-FMI2_Export fmi2Status fmi2EnterEventMode(fmi2Component c)
+FMI2_Export COLD fmi2Status fmi2EnterEventMode(fmi2Component c)
 {
     Message message;
     Instance *instance = instance_of(c, LEGAL_EnterEventMode, "fmi2EnterEventMode", &message);
@@ -71,7 +71,7 @@ FMI2_Export fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eve
     return instance_warn(instance, &message);
 }
 
-FMI2_Export fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
+FMI2_Export COLD fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
 {
     Message message;
     Instance *instance = instance_of(c, LEGAL_EnterContinuousTimeMode, "fmi2EnterContinuousTimeMode", &message);
@@ -174,7 +174,7 @@ FMI2_Export fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x_nominal[], size_t nx)
+FMI2_Export COLD fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x_nominal[], size_t nx)
 {
     Message message;
     const Instance *instance =

@@ -27,7 +27,7 @@ FMI2_Export fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2Va
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+FMI2_Export COLD fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                                     const fmi2Integer order[], fmi2Real value[])
 {
     Message message;
@@ -59,7 +59,7 @@ FMI2_Export fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunication
     return instance->last_step;
 }
 
-FMI2_Export fmi2Status fmi2CancelStep(fmi2Component c)
+FMI2_Export COLD fmi2Status fmi2CancelStep(fmi2Component c)
 {
     Message message;
     (void)instance_of(c, LEGAL_CancelStep, "fmi2CancelStep", &message);
@@ -80,7 +80,7 @@ static const Instance *instance_to_ask(fmi2Component c, const void *value, const
     return instance;
 }
 
-FMI2_Export fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value)
+FMI2_Export COLD fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value)
 {
     const Instance *instance = instance_to_ask(c, value, "fmi2GetStatus");
     if (instance == NULL) {
@@ -93,7 +93,7 @@ FMI2_Export fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fm
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value)
+FMI2_Export COLD fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value)
 {
     const Instance *instance = instance_to_ask(c, value, "fmi2GetRealStatus");
     if (instance == NULL) {
@@ -106,13 +106,13 @@ FMI2_Export fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value)
+FMI2_Export COLD fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value)
 {
     (void)s;
     return instance_to_ask(c, value, "fmi2GetIntegerStatus") != NULL ? fmi2Discard : fmi2Error;
 }
 
-FMI2_Export fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
+FMI2_Export COLD fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
 {
     const Instance *instance = instance_to_ask(c, value, "fmi2GetBooleanStatus");
     if (instance == NULL) {
@@ -125,7 +125,7 @@ FMI2_Export fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKin
     return fmi2OK;
 }
 
-FMI2_Export fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value)
+FMI2_Export COLD fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value)
 {
     if (instance_to_ask(c, value, "fmi2GetStringStatus") == NULL) {
         return fmi2Error;

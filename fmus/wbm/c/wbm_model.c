@@ -24,7 +24,7 @@ static NumberedParameters model_chosen(const double *values) {
     return chosen;
 }
 
-static int model_set_parameters(Model *model, const double *values, Message *message) {
+static COLD int model_set_parameters(Model *model, const double *values, Message *message) {
     const int preset = (int)values[VARIABLE_preset] - 1;
     NumberedParameters chosen;
     if (preset < 0 || preset >= PARAMETER_SET_COUNT) {
@@ -95,7 +95,7 @@ static void model_directional_derivative(
 
 /* The equilibrium follows inputs and physical parameters; velocities and accelerations stay zero, and inner_step has no part
    in it. A parameter that follows another preset than the one it starts with jumps away from it: no derivative there. */
-static int model_start_derivative(
+static COLD int model_start_derivative(
     const Model *model, const double *values, const double *direction, double *change, Message *message
 ) {
     const double inputs[INPUTS] = {values[VARIABLE_eta], values[VARIABLE_M_pa]};

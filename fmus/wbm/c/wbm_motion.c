@@ -24,7 +24,7 @@ static int wbm_is_regular(const Constants *k, double phi_1) {
 }
 
 /* Edge of the regular branch between a regular and an irregular angle; the regular side of it. */
-static double wbm_edge(const Constants *k, double regular, double irregular) {
+static COLD double wbm_edge(const Constants *k, double regular, double irregular) {
     int n;
     for (n = 0; n < REACH_HALVINGS; ++n) {
         double middle = 0.5 * (regular + irregular);
@@ -35,7 +35,7 @@ static double wbm_edge(const Constants *k, double regular, double irregular) {
 }
 
 /* The branch that holds the angle at which lever and rod are nearest to square, e^2 = b^2 + c^2 with e growing. */
-static int wbm_find_reach(const Constants *k, Reach *reach) {
+static COLD int wbm_find_reach(const Constants *k, Reach *reach) {
     const double c_square = 1.0 / (k->inverse_c * k->inverse_c), spacing = 0.01;
     double best = 1.0e300, centre = 0.0, phi_1;
     int n;
@@ -61,7 +61,7 @@ static int wbm_find_reach(const Constants *k, Reach *reach) {
     return 0;
 }
 
-static void wbm_append_reach(const Model *model, Message *message) {
+static COLD void wbm_append_reach(const Model *model, Message *message) {
     message_append(message, "; unbent, the linkage reaches heights from ");
     message_append_number(message, model->reach.height_low);
     message_append(message, " m to ");
@@ -89,7 +89,7 @@ static int wbm_check_inputs(const Model *model, const double *u, Message *messag
 
 /* The longest stable inner step under friction: Runge-Kutta of fourth order decays up to a product of step and decay rate of
    2.785. Over the middle three quarters of the lower arm's range; at the dead centres the joints turn without bound. */
-static double wbm_longest_step(const Constants *k, const Reach *reach) {
+static COLD double wbm_longest_step(const Constants *k, const Reach *reach) {
     const double rest[STATE_COUNT] = {0.0}, range = reach->phi_high - reach->phi_low;
     double fastest = 0.0;
     int n;
@@ -104,7 +104,7 @@ static double wbm_longest_step(const Constants *k, const Reach *reach) {
 }
 
 /* Asked of every tick only: an importer that integrates by itself chooses its own steps. */
-static int wbm_check_step(const Model *model, Message *message) {
+static COLD int wbm_check_step(const Model *model, Message *message) {
     if (model->step <= 1.00001 * model->longest_step) return 0; /* the message rounds it */
     message_append(message, "inner_step = ");
     message_append_number(message, model->step);
@@ -114,7 +114,7 @@ static int wbm_check_step(const Model *model, Message *message) {
     return 1;
 }
 
-static int wbm_prepare(Model *model, const Parameters *parameters, double step, Message *message) {
+static COLD int wbm_prepare(Model *model, const Parameters *parameters, double step, Message *message) {
     int n;
     if (!(step > 0.0 && step <= 0.01)) {
         message_append(message, "inner_step = ");
@@ -134,7 +134,7 @@ static int wbm_prepare(Model *model, const Parameters *parameters, double step, 
 }
 
 /* Angle of the lower arm at which the crossbar stands at a height, knee unbent: zeta is monotone on the branch. */
-static double wbm_angle_at(const Model *model, double height) {
+static COLD double wbm_angle_at(const Model *model, double height) {
     double low = model->reach.phi_low, high = model->reach.phi_high;
     int n;
     for (n = 0; n < REACH_HALVINGS; ++n) {
@@ -148,7 +148,7 @@ static double wbm_angle_at(const Model *model, double height) {
 /* The states that stand at rest, and the change of their accelerations with them: j[row][column]. */
 static const int wbm_coordinate[3] = {STATE_PHI_1, STATE_DELTA, STATE_XI};
 
-static void wbm_stiffness(const Constants *k, const double *x, const double *u, double j[3][3]) {
+static COLD void wbm_stiffness(const Constants *k, const double *x, const double *u, double j[3][3]) {
     const double no_input[INPUTS] = {0.0, 0.0};
     int row, column;
     for (column = 0; column < 3; ++column) {
@@ -160,7 +160,7 @@ static void wbm_stiffness(const Constants *k, const double *x, const double *u, 
 }
 
 /* x = j^-1 r by Cramer's rule; returns the determinant. */
-static double wbm_cramer(double j[3][3], const double r[3], double x[3]) {
+static COLD double wbm_cramer(double j[3][3], const double r[3], double x[3]) {
     const double determinant = j[0][0] * (j[1][1] * j[2][2] - j[1][2] * j[2][1])
                              - j[0][1] * (j[1][0] * j[2][2] - j[1][2] * j[2][0])
                              + j[0][2] * (j[1][0] * j[2][1] - j[1][1] * j[2][0]);
@@ -175,7 +175,7 @@ static double wbm_cramer(double j[3][3], const double r[3], double x[3]) {
 
 /* Newton step of (phi1, delta, xi) towards zero acceleration; returns the determinant, which is negative where the
    equilibrium is stable (it is -det K / det M). */
-static double wbm_newton_step(const Constants *k, const double *x, const double *u, double *change) {
+static COLD double wbm_newton_step(const Constants *k, const double *x, const double *u, double *change) {
     double j[3][3], rate[STATE_COUNT], r[3];
     int row;
     wbm_derivatives(k, x, u, rate);
@@ -185,7 +185,7 @@ static double wbm_newton_step(const Constants *k, const double *x, const double 
 }
 
 /* Change dx of the static equilibrium x that takes a change d_rate of the accelerations back: they stay zero. */
-static void wbm_equilibrium_tangent(
+static COLD void wbm_equilibrium_tangent(
     const Constants *k, const double *x, const double *u, const double *d_rate, double *dx
 ) {
     double j[3][3], r[3], change[3];
@@ -199,7 +199,7 @@ static void wbm_equilibrium_tangent(
 
 /* Residual V1 - M + F_H z1 of the lower arm at rest, with the pan-head and the knee in balance:
    F_H = k_C (k_E (zeta - eta) + mC g) / (k_C + k_E), and delta (in and out) from V2 + k_d delta + F_H z2 = 0. */
-static double wbm_arm_residual(const Constants *k, const double *u, double phi_1, double *delta) {
+static COLD double wbm_arm_residual(const Constants *k, const double *u, double phi_1, double *delta) {
     const double share = k->k_C / (k->k_C + k->k_E), head_weight = k->g / k->inverse_head_mass;
     Geometry s = wbm_geometry(k, phi_1, *delta);
     double force = 0.0;
@@ -220,7 +220,7 @@ static double wbm_arm_residual(const Constants *k, const double *u, double phi_1
 
 /* Angle and bend near the equilibrium: the residual grows with the angle where it is stable, so its change of sign
    nearest to the unbent linkage at the wire is bracketed by walking, then halved. 1 when there is none. */
-static int wbm_bracket_equilibrium(const Model *model, const double *u, double *phi_1, double *delta) {
+static COLD int wbm_bracket_equilibrium(const Model *model, const double *u, double *phi_1, double *delta) {
     const double walk = 0.002;
     const Reach *reach = &model->reach;
     double low = wbm_angle_at(model, u[INPUT_ETA]), high = low;
@@ -249,7 +249,7 @@ static int wbm_bracket_equilibrium(const Model *model, const double *u, double *
 }
 
 /* Static equilibrium for the inputs: a bracket, then Newton with the exact tangent to the last digits. */
-static int wbm_solve_equilibrium(const Model *model, const double *u, double *x) {
+static COLD int wbm_solve_equilibrium(const Model *model, const double *u, double *x) {
     double change[3], determinant, size;
     Constants pulling = model->constants; /* a unilateral contact at rest is a bilateral one that happens to press */
     const Constants *k = &pulling;
@@ -275,7 +275,7 @@ static int wbm_solve_equilibrium(const Model *model, const double *u, double *x)
 }
 
 /* Puts the model into the static equilibrium of the inputs; the state is untouched when there is none. */
-static int wbm_start(Model *model, const double *u, Message *message) {
+static COLD int wbm_start(Model *model, const double *u, Message *message) {
     double x[STATE_COUNT];
     int n;
     if (wbm_check_inputs(model, u, message)) return 1;

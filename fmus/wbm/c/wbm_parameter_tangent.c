@@ -7,7 +7,7 @@ typedef struct {
     double d_zeta, d_zeta_phi, d_zeta_delta;
 } ShapeTangent;
 
-static ShapeTangent wbm_shape_tangent(const Parameters *p, const Parameters *d, const Geometry *s) {
+static COLD ShapeTangent wbm_shape_tangent(const Parameters *p, const Parameters *d, const Geometry *s) {
     ShapeTangent t;
     const double rx = s->arm_x, ry = s->arm_y;
     const double vx = -p->l1 * s->sin_phi - p->b * s->theta_1 * s->sin_theta;
@@ -39,7 +39,7 @@ static ShapeTangent wbm_shape_tangent(const Parameters *p, const Parameters *d, 
 }
 
 /* Change of the accelerations and outputs with the parameters, for a model at rest in x; added to d_rate and dy. */
-static void wbm_add_parameter_tangent(
+static COLD void wbm_add_parameter_tangent(
     const Parameters *p, const Parameters *d, const double *x, const double *u, double *d_rate, double *dy
 ) {
     const Constants k = wbm_constants(p);

@@ -11,10 +11,11 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fuzz import inputs, runtime
@@ -24,9 +25,14 @@ _COVERAGE = re.compile(r"cov: (\d+) ft: (\d+) corp: (\S+)")
 _LINES = 25
 
 
+DELIVERED = "delivered"
+"""The binary as an importer gets it, without sanitizers: most calls in the time."""
+
+
 def parts() -> list[str]:
     """Return the names of all parts that can run here."""
-    of_c = [f"{model}-{kind}" for model in runtime.MODELS for kind in runtime.kinds()]
+    ways = (*runtime.kinds(), *([DELIVERED] if shutil.which("gcc") else []))
+    of_c = [f"{model}-{way}" for model in runtime.MODELS for way in ways]
     return [*of_c, *inputs.KINDS]
 
 
@@ -34,14 +40,15 @@ def _said(part: str, text: str, found: str) -> None:
     print(f"{part:<24} {text}" + (f"\n{found}" if found else ""), flush=True)
 
 
-def _drawn(command: Path, seconds: float) -> tuple[int, str]:
+def _drawn(command: Path, seconds: float, environment: Mapping[str, str]) -> tuple[int, str]:
     """Seeds one after the other, a hundred per process, without libFuzzer."""
     end, first = time.monotonic() + seconds, 1
     while time.monotonic() < end:
         words = [str(command), "--seeds", str(first), "100", "600"]
-        result = subprocess.run(words, capture_output=True, text=True, errors="replace")
+        result = subprocess.run(words, env=environment, capture_output=True, text=True, errors="replace")
         if result.returncode != 0:
-            reproducer = f"{command} --seeds SEED 1 600, with the last seed above"
+            library = f"FUZZ_LIBRARY={environment['FUZZ_LIBRARY']} " if "FUZZ_LIBRARY" in environment else ""
+            reproducer = f"{library}{command} --seeds SEED 1 600, with the last seed above"
             return first, "\n".join([*result.stderr.splitlines()[-_LINES:], f"reproduce: {reproducer}"])
         first += 100
     return first - 1, ""
@@ -50,13 +57,17 @@ def _drawn(command: Path, seconds: float) -> tuple[int, str]:
 def run_runtime(part: str, folder: Path, seconds: float) -> bool:
     """Fuzz the C runtime of one FMU in one way; whether nothing was found."""
     model, _, name = part.partition("-")
-    kind = runtime.kinds()[name]
+    kind = runtime.kinds().get(name)
     place = folder / part
     place.mkdir(parents=True, exist_ok=True)
     fmu = runtime.unpacked(model, place)
-    program = runtime.program(kind, fmu, place / "fuzz_runtime")
-    if not kind.fuzzer:
-        executions, found = _drawn(program, seconds)
+    if kind is None:
+        program = runtime.plain_program(fmu, place / "fuzz_runtime")
+        environment = {**os.environ, "FUZZ_LIBRARY": str(runtime.production_binary(fmu))}
+    else:
+        program, environment = runtime.program(kind, fmu, place / "fuzz_runtime"), dict(os.environ)
+    if kind is None or not kind.fuzzer:
+        executions, found = _drawn(program, seconds, environment)
         _said(part, f"{executions} executions", found)
         return not found
     corpus = runtime.seed_folder(place / "corpus")

@@ -207,6 +207,14 @@ def run(kind: Kind, program_file: Path, folder: Path, runs: int) -> subprocess.C
     return known if known.returncode != 0 else _run(drawn)
 
 
+def run_plain(program_file: Path, binary: Path, runs: int) -> subprocess.CompletedProcess[str]:
+    """Run a production binary: the corpus, and what is drawn from the first seeds."""
+    environment = {**os.environ, "FUZZ_LIBRARY": str(binary)}
+    known = _run([str(program_file), *map(str, sorted(CORPUS.glob("*.bin")))], env=environment)
+    drawn = [str(program_file), "--seeds", "1", str(runs), str(_LARGEST_INPUT)]
+    return known if known.returncode != 0 else _run(drawn, env=environment)
+
+
 def run_valgrind(program_file: Path, binary: Path, runs: int) -> subprocess.CompletedProcess[str]:
     """Run a production binary under valgrind, which ends with 9 when it has found something."""
     options = ("--quiet", "--error-exitcode=9", "--leak-check=full", "--exit-on-first-error=yes")

@@ -42,7 +42,7 @@ def watched(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "count"), [("archives", 300), ("descriptions", 250), ("binaries", 250), ("parameters", 400)]
+    ("kind", "count"), [("archives", 120), ("descriptions", 100), ("binaries", 100), ("parameters", 250)]
 )
 def test_damage_gives_messages_only(kind: str, count: int, tmp_path: Path) -> None:
     result = watched("fuzz.inputs", kind, "--folder", str(tmp_path), "--count", str(count))

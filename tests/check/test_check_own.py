@@ -7,6 +7,7 @@ from pathlib import Path
 
 import networks
 import pytest
+from fmpy.validation import validate_fmu
 
 import fmus
 from fmi import lti
@@ -51,6 +52,7 @@ def test_nothing_is_found_in_the_others_and_they_run(name: str) -> None:
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_nothing_is_found(name: str, own: Mapping[str, Path]) -> None:
+    assert validate_fmu(str(own[name])) == []
     report = check_fmu(own[name], Options(time_limit=600.0))
     assert report.findings == (), report.text()
     assert set(report.checked) == EVERYTHING

@@ -5,6 +5,7 @@ from fmu_builder.fmi2.documentation import index_page, licence_page
 from fmu_builder.fmi2.header import variables_header
 from fmu_builder.fmi2.interface import Interface
 from fmu_builder.fmi2.package import C_FOLDER, DEFAULT_PLATFORMS, build_fmu, fmi_headers, write_archive
+from fmu_builder.fmi2.parameter_values import parameter_values
 from fmu_builder.fmi2.units import UNITS, Unit
 from fmu_builder.fmi2.variable import Variable
 
@@ -20,6 +21,7 @@ __all__ = [
     "index_page",
     "licence_page",
     "model_description",
+    "parameter_values",
     "variables_header",
     "write_archive",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu
+from fmu_builder.fmi2 import DEFAULT_PLATFORMS, Interface, build_fmu, parameter_values
 from fmu_builder.kernel import (
     SOURCES,
     blended_nodes,
@@ -35,7 +35,8 @@ def build_llmn(
     It serves model exchange, with a time event at every tick, and co-simulation. The physical parameters of a
     surrogate whose theta is blended are tunable parameters of the FMU, which makes its tables anew from them.
 
-    The parameter set goes into resources/parameter_set.json, a model card into documentation/index.html. The
+    The parameter set goes into resources/parameter_set.json, identified parameters as SSV beside it, if there
+    are any, a model card into documentation/index.html. The
     same arguments give the same bytes.
 
     Args:
@@ -63,12 +64,18 @@ def build_llmn(
         headers,
         output,
         platforms=platforms,
-        resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8")},
+        resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8"), **_values(shown)},
         documentation={
             **(documentation or {}),
             "index.html": model_card(parameter_set, shown).encode("utf-8"),
         },
     )
+
+
+def _values(shown: Interface) -> dict[str, bytes]:
+    """Return identified.ssv: the parameters' start values, to change some of and give to an importer."""
+    known = {v.name: float(v.start) for v in shown.of_causality("parameter") if v.start is not None}
+    return {"identified.ssv": parameter_values("identified", shown, known)} if known else {}
 
 
 def _network_headers(parameter_set: ParameterSet) -> tuple[str, dict[str, str]]:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fmu_builder.compiler import source_files
-from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu
+from fmu_builder.fmi2 import DEFAULT_PLATFORMS, build_fmu, parameter_values
 from fmus.wbm.native import C_FOLDER, INCLUDE
-from fmus.wbm.parameters import PARAMETERS_FILE, parameters_header
+from fmus.wbm.parameters import PARAMETERS_FILE, parameter_sets, parameters_header
 from fmus.wbm.variables import interface
 
 _MODEL_CARD = Path(__file__).parent / "README.md"
@@ -28,6 +28,8 @@ def model_hash() -> str:
 def build_wbm(output: Path, platforms: Sequence[str] = DEFAULT_PLATFORMS, naming: str = "flat") -> Path:
     """Build the white-box model as an FMU for FMI 2.0 model exchange and co-simulation.
 
+    resources/ holds every parameter set as SSV, for importers that know no Enumeration `preset`.
+
     Args:
         output: The .fmu file to write.
         platforms: FMI 2.0 platform folders, keys of `fmu_builder.compiler.TARGETS`.
@@ -40,14 +42,18 @@ def build_wbm(output: Path, platforms: Sequence[str] = DEFAULT_PLATFORMS, naming
         BuildError: Unknown platform, or the C code does not compile.
         OutputError: `output` cannot be written.
     """
+    shown = interface(naming)
+    sets = {
+        f"{name}.ssv": parameter_values(name, shown, one.values()) for name, one in parameter_sets().items()
+    }
     return build_fmu(
-        interface(naming),
+        shown,
         model_hash(),
         C_FOLDER / "all.c",
         INCLUDE,
         {"wbm_parameters.h": parameters_header()},
         output,
         platforms,
-        resources={"parameters.json": PARAMETERS_FILE.read_bytes()},
+        resources={"parameters.json": PARAMETERS_FILE.read_bytes(), **sets},
         documentation={"model_card.md": _MODEL_CARD.read_bytes()},
     )

@@ -42,9 +42,9 @@ class Job:
     connections: tuple[tuple[str, str], ...] = ()
     step: float = 0.001
 
-    def by_importer(self, script: str) -> tuple[np.ndarray, str]:
+    def by_importer(self, script: str, *arguments: str) -> tuple[np.ndarray, str]:
         """Outputs after every step [N, len(outputs)] by an importer of others, and what else it printed."""
-        command = [sys.executable, str(FOLDER / script)]
+        command = [sys.executable, str(FOLDER / script), *arguments]
         run = subprocess.run(
             command, input=json.dumps(asdict(self)), capture_output=True, text=True, timeout=120
         )

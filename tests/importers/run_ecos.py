@@ -16,14 +16,17 @@ import ecospy  # noqa: E402
 
 job = json.load(sys.stdin)
 ecospy.EcosLib.set_log_level("warning")
+# An SSP, and a parameter set in it, take the place of what the job says of FMUs and their start.
+package, values = sys.argv[1:] or (None, "start")
 with ecospy.EcosSimulationStructure() as structure:
     for name, path in job["fmus"].items():
         structure.add_model(name, path)
     for source, sink in job["connections"]:
         structure.make_real_connection(source, sink)
     structure.add_parameter_set("start", job["starts"])
-    with ecospy.EcosSimulation(structure=structure, step_size=job["step"]) as simulation:
-        if not simulation.init(parameter_set="start"):
+    source = {"structure": structure} if package is None else {"ssp_path": package}
+    with ecospy.EcosSimulation(step_size=job["step"], **source) as simulation:
+        if not simulation.init(parameter_set=values):
             raise RuntimeError(ecospy.EcosLib.get_last_error())
         rows = []
         for row in job["rows"]:

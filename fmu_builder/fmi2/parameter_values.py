@@ -39,4 +39,5 @@ def parameter_values(name: str, interface: Interface, values: Mapping[str, float
             exponents = {base: str(exponent) for base, exponent in UNITS[unit].exponents().items()}
             ET.SubElement(ET.SubElement(definitions, "ssc:Unit", name=unit), "ssc:BaseUnit", exponents)
     ET.indent(root, space="  ")
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="utf-8") + b"\n"
+    text = '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+    return text.encode("utf-8")

@@ -3,7 +3,7 @@
    CHAIN_ALONE also keeps every frame on the stack below 4 kB: Windows asks a library to probe larger ones. */
 
 /* d of parameter p at a node */
-static inline double chain_blended_tangent(
+RARE double chain_blended_tangent(
     const ChainTables *t, const double *theta, const double *d_theta, const double *weights, int p) {
     double sum = 0.0, d_sum = 0.0;
     int i;
@@ -22,7 +22,7 @@ static inline double chain_blended_tangent(
 }
 
 /* d of every coefficient at a node, c being the coefficients there */
-static inline void chain_coefficients_tangent(
+RARE void chain_coefficients_tangent(
     const ChainTables *t, const double *c, const double *d_head, const double *theta, const double *d_theta,
     const double *weights, double *d) {
     int i;
@@ -32,7 +32,7 @@ static inline void chain_coefficients_tangent(
 }
 
 /* d [A_c B_c]: a row of forces over a mass is linear in the forces */
-static inline void chain_continuous_tangent(
+RARE void chain_continuous_tangent(
     const double *c, const double *d, double matrix[CHAIN_STATES][CHAIN_SIZE], double d_matrix[CHAIN_STATES][CHAIN_SIZE]) {
     static const int masses[3] = {CHAIN_M_C, CHAIN_M_H, CHAIN_M_M};
     double forces[CHAIN_COEFFICIENTS];
@@ -47,7 +47,7 @@ static inline void chain_continuous_tangent(
 }
 
 /* result = d(left right) */
-static COLD void chain_product_tangent(
+RARE CHAIN_ALONE void chain_product_tangent(
     double left[CHAIN_STATES][CHAIN_SIZE], double d_left[CHAIN_STATES][CHAIN_SIZE], double right[CHAIN_STATES][CHAIN_SIZE],
     double d_right[CHAIN_STATES][CHAIN_SIZE], double result[CHAIN_STATES][CHAIN_SIZE]) {
     double other[CHAIN_STATES][CHAIN_SIZE];
@@ -60,7 +60,7 @@ static COLD void chain_product_tangent(
 }
 
 /* dx <- d exp(x): the series and the doublings of chain_exponential */
-static COLD void chain_exponential_tangent(double x[CHAIN_STATES][CHAIN_SIZE], double dx[CHAIN_STATES][CHAIN_SIZE]) {
+RARE CHAIN_ALONE void chain_exponential_tangent(double x[CHAIN_STATES][CHAIN_SIZE], double dx[CHAIN_STATES][CHAIN_SIZE]) {
     double sum[CHAIN_STATES][CHAIN_SIZE], product[CHAIN_STATES][CHAIN_SIZE];
     double d_sum[CHAIN_STATES][CHAIN_SIZE], d_product[CHAIN_STATES][CHAIN_SIZE];
     double norm = chain_norm(x, CHAIN_SIZE), factor = 1.0;
@@ -104,7 +104,7 @@ static COLD void chain_exponential_tangent(double x[CHAIN_STATES][CHAIN_SIZE], d
 
 /* drive += weight (dA x + dB u) of the chain with coefficients c that change by d; u[0], the height, is left out as in a tick
    about a scheduled equilibrium */
-static COLD void chain_add_drive(
+RARE CHAIN_ALONE void chain_add_drive(
     const double *c, const double *d, double sample_time, double weight, const double *x, const double *u, double *drive) {
     double matrix[CHAIN_STATES][CHAIN_SIZE], d_matrix[CHAIN_STATES][CHAIN_SIZE];
     int i, j;
@@ -128,7 +128,7 @@ static COLD void chain_add_drive(
 /* The change of the four outputs and of the weights at rest; the outputs are the first four states and rest. d_rest is what
    the static map changes by. state, scratch and tangent as for kernel_start_tangent. 1 = there is no derivative.
    (I - A) d_x = sum_a w_a (dA_a x + dB_a u); with kappa the schedule follows itself, as in kernel_start_tangent. */
-static COLD int chain_start_tangent(
+RARE CHAIN_ALONE int chain_start_tangent(
     const Tables *t, const ChainTables *chain, const double *head, const double *theta, const double *d_head,
     const double *d_theta, const double *d_rest, const double *state, const double *inputs, double *scratch,
     double *tangent, double *change) {

@@ -83,3 +83,9 @@ def test_the_command_builds_them(tmp_path: Path) -> None:
     given = ["build", "wbm", "--names", "structured", "--platform", host_platform(), "--output", str(path)]
     assert CliRunner().invoke(app, given).exit_code == 0
     assert "der(xi)" in names(path) and validate_fmu(str(path)) == []
+
+
+def test_variables_come_in_tens() -> None:
+    """Importers show them all: not the numbers of the matrices, but what somebody may want to see or change."""
+    for shown in (interface(theta_network("chain10")), wbm_interface()):
+        assert len(shown.variables) < 100

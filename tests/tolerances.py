@@ -40,6 +40,7 @@ WBM_BOUNCE_INTEGRATORS = (
     3e-5  # of an output's span in a second of bounces: every touch widens what CVode lets pass; 1e-5 is seen
 )
 WBM_BOUNCE_ENERGY = 1e-6  # J of some hundred in 1.5 s: a quarter of a millisecond leaves 2e-7 and 4e-7
+LIFTED_NETWORK = 0.01  # of the span of xi in 0.3 s: a linearisation, 9 cm above its point; 0.9 % is seen
 HYSTERESIS = 0.05  # relative: asked for; what the arms' own bend adds, 1.4 % is seen
 HYSTERESIS_WITHOUT = 0.001  # of the hysteresis with friction: the rest of a swing, averaged over four seconds
 FRICTION_STEP = 2.7  # step times decay rate: 2.5 is aimed at with an unbent knee, 2.785 is the limit

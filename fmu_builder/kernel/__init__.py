@@ -11,6 +11,7 @@ from fmu_builder.kernel.chain_parameters import (
     LEAST_CONTACT_STIFFNESS,
     ChainParameter,
 )
+from fmu_builder.kernel.contact import Contact, contact_header, contact_of
 from fmu_builder.kernel.native import SOURCES, Network, simulate, static_outputs, validities
 from fmu_builder.kernel.node_models import BlendedNodes, blended_nodes
 from fmu_builder.kernel.table_writer import tables_header, theta_header
@@ -28,10 +29,13 @@ __all__ = [
     "BlendedNodes",
     "Chain",
     "ChainParameter",
+    "Contact",
     "Network",
     "Tables",
     "blended_nodes",
     "chain_of",
+    "contact_header",
+    "contact_of",
     "simulate",
     "static_outputs",
     "tables_header",

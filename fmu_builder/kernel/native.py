@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmu_builder.compiler import load_native
 from fmu_builder.errors import ParameterSetError
+from fmu_builder.kernel.contact import Contact, no_contact
 from fmu_builder.kernel.tables import Tables, tables_of
 from fmu_builder.parameter_set import ParameterSet
 
@@ -33,15 +34,20 @@ def library() -> ctypes.CDLL:
     return loaded
 
 
-def simulate(network: ParameterSet | Tables, inputs: ArrayLike) -> Array:
+def simulate(network: ParameterSet | Tables, inputs: ArrayLike, contact: Contact | None = None) -> Array:
     """Return the outputs and derived outputs [N, p + R] for the inputs [N, m], row k at t = k * sample_time.
 
     Row k is read after the inputs of row k were set and before the tick that uses them, so row 0 is the
     steady state of the inputs of row 0.
 
+    Args:
+        network: The network.
+        inputs: One row per tick.
+        contact: That of the network (`contact_of`), to let the pan-head leave the wire; without it pulls.
+
     Raises:
         ValueError: The inputs are not [N, m] with N >= 1, or not finite.
-        ParameterSetError: The network has no steady state for the first inputs.
+        ParameterSetError: The network has no steady state for the first inputs, or none with contact.
     """
     tables = network if isinstance(network, Tables) else tables_of(network)
     rows = _checked(inputs, tables.sizes["inputs"])
@@ -53,7 +59,11 @@ def simulate(network: ParameterSet | Tables, inputs: ArrayLike) -> Array:
         _pointer(rows),
         ctypes.c_longlong(len(rows)),
         _pointer(outputs),
+        ctypes.byref(contact) if contact is not None else None,
+        _pointer(np.empty(rows.shape[1])),
     )
+    if failed == 2:
+        raise no_contact()
     if failed:
         raise _no_steady_state()
     return outputs

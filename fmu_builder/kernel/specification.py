@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from fmu_builder.errors import ParameterSetError
+from fmu_builder.kernel.contact import contact_of, no_contact
 from fmu_builder.parameter_set import LocalLinearModel, ParameterSet, Partition, StaticMap
 
 Row = Sequence[float]
@@ -151,8 +152,9 @@ class Network:
         deviation: (C x)_j of the last tick, which also schedules.
     """
 
-    def __init__(self, parameter_set: ParameterSet) -> None:
+    def __init__(self, parameter_set: ParameterSet, unilateral: bool = False) -> None:
         self.set = parameter_set
+        self.contact = contact_of(parameter_set) if unilateral else None
         self.kind = parameter_set.offsets.kind
         self.output_blending = parameter_set.blending == "output"
         self.u_op = [signal.operating_point for signal in parameter_set.inputs]
@@ -183,6 +185,17 @@ class Network:
             self._settle(inputs)
             if self.deviation == before:
                 break
+        if self.contact is not None and inputs[self.set.scheduling_index] > self.held[self.contact.output]:
+            raise no_contact()
+
+    def _acting(self, inputs: Row, ahead: float) -> list[float]:
+        """Return the inputs with min(u_s, y + ahead y_dot) for the wire u_s that the pan-head y may leave."""
+        acting = list(inputs)
+        if self.contact is not None:
+            position = self.held[self.contact.output] + ahead * self.held[self.contact.rate]
+            index = self.set.scheduling_index
+            acting[index] = position if acting[index] > position else acting[index]
+        return acting
 
     def _settle(self, inputs: Row) -> None:
         count = len(self.set.local_models) if self.output_blending else 1
@@ -203,6 +216,7 @@ class Network:
 
     def tick(self, inputs: Row) -> None:
         """Go from t_n to t_n+1 with the inputs [m] in force at t_n."""
+        inputs = self._acting(inputs, 0.5 * self.set.sample_time)
         scheduling = inputs[self.set.scheduling_index]
         change = scheduling - self.held_scheduling
         if self.kind == "low_pass":
@@ -219,6 +233,7 @@ class Network:
 
     def outputs(self, inputs: Row) -> list[float]:
         """Return the outputs [p] and derived outputs [R] with `inputs` [m] set last."""
+        inputs = self._acting(inputs, 0.0)
         values = list(self.held)
         if self.has_feedthrough:
             times(self.feedthrough, self._deviation(inputs, self.u_op), values)
@@ -344,16 +359,19 @@ class Network:
             self.held = [value + weight * part for value, part in zip(self.held, product, strict=True)]
 
 
-def simulate(parameter_set: ParameterSet, inputs: Sequence[Row]) -> list[list[float]]:
+def simulate(
+    parameter_set: ParameterSet, inputs: Sequence[Row], unilateral: bool = False
+) -> list[list[float]]:
     """Return the outputs and derived outputs [N][p + R] for the inputs [N][m].
 
     Row k is read after the inputs of row k were set and before the tick that uses them; row 0 is the steady
     state.
 
     Raises:
-        ParameterSetError: The model has no steady state for the first inputs.
+        ParameterSetError: The model has no steady state for the first inputs, or none with contact where it
+            is unilateral.
     """
-    network = Network(parameter_set)
+    network = Network(parameter_set, unilateral)
     network.start(inputs[0])
     rows = [network.outputs(inputs[0])]
     for previous, present in pairwise(inputs):

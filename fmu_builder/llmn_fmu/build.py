@@ -10,6 +10,8 @@ from fmu_builder.kernel import (
     SOURCES,
     blended_nodes,
     chain_of,
+    contact_header,
+    contact_of,
     tables_header,
     tables_of,
     theta_header,
@@ -56,6 +58,7 @@ def build_llmn(
     """
     shown = interface(parameter_set, model_identifier, naming)
     unity, headers = _network_headers(parameter_set)
+    headers["contact.h"] = contact_header(contact_of(parameter_set))
     return build_fmu(
         shown,
         parameter_set.model_hash(),

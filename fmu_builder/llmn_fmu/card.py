@@ -8,6 +8,7 @@ from html import escape
 from pydantic import JsonValue
 
 from fmu_builder.fmi2 import Interface, Variable
+from fmu_builder.kernel import contact_of
 from fmu_builder.parameter_set import ParameterSet
 
 _OFFSETS = {
@@ -112,6 +113,15 @@ def _behaviour(parameter_set: ParameterSet) -> Iterator[str]:
         named = derived.parameters.items()
         values = ", ".join(f"{name} = {_number(item.value)} {item.unit}" for name, item in named)
         yield _paragraph(f"{derived.name} = {terms.removeprefix('+ ')}, {values}.")
+    contact = contact_of(parameter_set)
+    if contact is not None:
+        pressed, wire = parameter_set.outputs[contact.output].name, partition.scheduling
+        yield _paragraph(
+            "The contact pulls as well as it presses, unless the parameter unilateral is set: then"
+            f" min({wire}, {pressed}) acts in the place of {wire} on everything, force, schedule and rest;"
+            f" for a tick with {pressed} in its middle. What the model was trained on was in contact:"
+            " how well it flies is another question."
+        )
 
 
 def _variables(shown: Interface) -> Iterator[str]:

@@ -10,6 +10,7 @@ from fmu_builder.kernel import (
     LARGEST_CONTACT_STIFFNESS,
     LEAST_CONTACT_STIFFNESS,
     chain_of,
+    contact_of,
 )
 from fmu_builder.parameter_set import ParameterSet
 
@@ -113,6 +114,15 @@ def _variables(parameter_set: ParameterSet) -> Iterator[Variable]:
     )
     parameters = tuple(_parameters(parameter_set))
     yield from parameters
+    if contact_of(parameter_set) is not None:
+        yield Variable(
+            "unilateral",
+            type="Boolean",
+            causality="parameter",
+            description="Whether the contact can open: it never pulls, and"
+            f" {parameter_set.partition.scheduling} acts only where it is touched",
+            start=False,
+        )
     yield from _constants(parameter_set, {variable.name for variable in parameters})
 
 

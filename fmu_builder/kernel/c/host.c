@@ -5,6 +5,7 @@
 #include "node_models.c"
 #include "steady_tangent.c"
 #include "chain.c"
+#include "contact.c"
 
 EXPORTED int llmn_state_size(const Tables *tables) { return kernel_state_size(tables); }
 
@@ -30,15 +31,27 @@ EXPORTED int llmn_start_tangent(
     return kernel_start_tangent(tables, state, inputs, direction, scratch, tangent, change);
 }
 
-/* Row k: the outputs read after inputs[k] were set and before the tick that uses them. 1 = no steady state for row 0. */
+/* Row k: the outputs read after inputs[k] were set and before the tick that uses them. With a contact it is unilateral;
+   acting is room for a row of inputs then. 1 = no steady state for row 0, 2 = none with contact. */
 EXPORTED int llmn_simulate(
-    const Tables *tables, double *state, const double *inputs, long long count, double *outputs) {
+    const Tables *tables, double *state, const double *inputs, long long count, double *outputs, const Contact *contact,
+    double *acting) {
     int columns = tables->outputs + tables->derived;
     long long row;
     if (kernel_start(tables, state, inputs)) return 1;
+    if (contact && kernel_is_off(tables, contact, state, inputs)) return 2;
     for (row = 0; row < count; ++row) {
-        if (row > 0) kernel_tick(tables, state, inputs + (row - 1) * tables->inputs);
-        kernel_outputs(tables, state, inputs + row * tables->inputs, outputs + row * columns);
+        const double *now = inputs + row * tables->inputs, *before = row > 0 ? now - tables->inputs : now;
+        if (contact && row > 0) {
+            kernel_acting(tables, contact, state, contact->half_tick, before, acting);
+            before = acting;
+        }
+        if (row > 0) kernel_tick(tables, state, before);
+        if (contact) {
+            kernel_acting(tables, contact, state, 0.0, now, acting);
+            now = acting;
+        }
+        kernel_outputs(tables, state, now, outputs + row * columns);
     }
     return 0;
 }

@@ -37,6 +37,8 @@
    Small numbers: at a tick, states, l and Gaussian weights below KERNEL_SMALLEST in size become zero, so that a model at
    rest computes as fast as a model in motion: there are no denormal numbers in it, and products with them stay normal.
 
+   A contact that can open gives these equations other inputs: contact.c.
+
    Order: sums run over the index, matrices are applied model by model and then weighted: sum_a w_a (A_a x + B_a u). */
 
 #ifndef KERNEL_H

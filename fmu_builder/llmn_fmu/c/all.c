@@ -5,6 +5,8 @@
 #include "steady_tangent.c"
 #include "tables.h"
 #include "variables.h"
+#include "contact.c"
+#include "contact.h"
 #include "llmn_fixed.c"
 #include "llmn_no_parameters.c"
 #include "llmn_model.c"

@@ -8,6 +8,8 @@
 #include "node_models.c"
 #include "steady_tangent.c"
 #include "variables.h"
+#include "contact.c"
+#include "contact.h"
 #include "llmn_blended.c"
 #include "llmn_no_parameters.c"
 #include "llmn_model.c"

@@ -15,6 +15,7 @@ enum {
 
 typedef struct {
     double state[TABLES_STATE_SIZE];
+    double unilateral; /* 1.0: the pan-head may leave the wire */
     double made; /* 1.0: the nodes are */
     double nodes[NODE_NUMBERS];
 } Model;
@@ -36,8 +37,8 @@ static inline const Tables *model_network(const Model *model, Tables *own)
 
 static COLD int model_set_parameters(Model *model, const double *values, Message *message)
 {
-    (void)values;
     (void)message;
+    model->unilateral = CONTACT_SWITCH >= 0 ? values[CONTACT_SWITCH] : 0.0;
     if (model->made != 0.0) {
         return 0;
     }

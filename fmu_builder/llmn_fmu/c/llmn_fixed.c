@@ -2,6 +2,7 @@
 
 typedef struct {
     double state[TABLES_STATE_SIZE];
+    double unilateral; /* 1.0: the pan-head may leave the wire */
 } Model;
 
 /** the tables the model computes with; *own is room for them if they are not the constants */
@@ -14,8 +15,7 @@ static inline const Tables *model_network(const Model *model, Tables *own)
 
 static int model_set_parameters(Model *model, const double *values, Message *message)
 {
-    (void)model;
-    (void)values;
     (void)message;
+    model->unilateral = CONTACT_SWITCH >= 0 ? values[CONTACT_SWITCH] : 0.0;
     return 0;
 }

@@ -27,6 +27,17 @@ static int model_check(const Model *model, Message *message)
     return 0;
 }
 
+/** the inputs that act on what comes in `ahead` seconds: those given, or with the pan-head in the place of the wire it has
+    left; acting[] is room for them */
+static const double *model_acting(const Model *model, const double *inputs, double ahead, double *acting)
+{
+    if (CONTACT_SWITCH < 0 || model->unilateral == 0.0) {
+        return inputs;
+    }
+    kernel_acting(&tables, &contact, model->state, ahead, inputs, acting);
+    return acting;
+}
+
 /** steady state of the inputs */
 static COLD int model_initialise(Model *model, const double *inputs, Message *message)
 {
@@ -35,12 +46,20 @@ static COLD int model_initialise(Model *model, const double *inputs, Message *me
         message_append(message, "the model has no steady state for the start inputs: an eigenvalue of A is 1");
         return 1;
     }
+    if (CONTACT_SWITCH >= 0 && model->unilateral != 0.0 && kernel_is_off(&tables, &contact, model->state, inputs)) {
+        message_append(message, "at rest the pan-head would not be on the wire at ");
+        message_append_number(message, inputs[TABLES_SCHEDULING]);
+        message_append(message, ", which a unilateral contact cannot hold; start with a larger torque");
+        return 1;
+    }
     return model_check(model, message);
 }
 
 static int model_tick(Model *model, const double *inputs, Message *message)
 {
+    double acting[TABLES_INPUTS];
     Tables own;
+    inputs = model_acting(model, inputs, contact.half_tick, acting);
     kernel_tick(model_network(model, &own), model->state, inputs);
     return model_check(model, message);
 }
@@ -48,8 +67,10 @@ static int model_tick(Model *model, const double *inputs, Message *message)
 static void model_outputs(const Model *model, double *values)
 {
     const KernelView view = kernel_view(&tables, (double *)model->state);
+    double acting[TABLES_INPUTS];
     Tables own;
-    kernel_outputs(model_network(model, &own), model->state, values, values + LLMN_FIRST_OUTPUT);
+    kernel_outputs(model_network(model, &own), model->state, model_acting(model, values, 0.0, acting),
+                   values + LLMN_FIRST_OUTPUT);
     for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
         values[LLMN_FIRST_VALIDITY + i] = view.weights[i];
     }
@@ -78,16 +99,19 @@ static void model_event_indicators(const Model *model, const double *values, dou
     (void)indicators;
 }
 
-/** exact: only feedthrough and the inputs in derived outputs act at once */
+/** exact: only feedthrough and the inputs in derived outputs act at once; a wire that the pan-head has left does not */
 static void model_directional_derivative(const Model *model, const double *values, const double *direction,
                                          double *change)
 {
     Tables own;
     const Tables *network = model_network(model, &own);
-    (void)values;
+    const int off = CONTACT_SWITCH >= 0 && model->unilateral != 0.0 &&
+                    kernel_is_off(&tables, &contact, model->state, values);
     for (int i = 0; i < LLMN_FIRST_VALIDITY - LLMN_FIRST_OUTPUT; ++i) {
         for (int j = 0; j < TABLES_INPUTS; ++j) {
-            change[LLMN_FIRST_OUTPUT + i] += kernel_feedthrough(network, model->state, i, j) * direction[j];
+            if (!(off && j == TABLES_SCHEDULING)) {
+                change[LLMN_FIRST_OUTPUT + i] += kernel_feedthrough(network, model->state, i, j) * direction[j];
+            }
         }
     }
 }

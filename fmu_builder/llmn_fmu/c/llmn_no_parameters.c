@@ -1,4 +1,4 @@
-/* A network without parameters. */
+/* A network without parameters that can change while it runs. */
 
 static int model_retune(Model *model, const double *values, Message *message)
 {

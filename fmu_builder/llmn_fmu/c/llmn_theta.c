@@ -10,6 +10,7 @@ enum {
 
 typedef struct {
     double state[TABLES_STATE_SIZE];
+    double unilateral;                  /* 1.0: the pan-head may leave the wire */
     double parameters[LLMN_PARAMETERS]; /* what the model computes with */
     double made;                        /* 1.0: what follows is made of them */
     double A[TABLES_NODES * CHAIN_STATES * CHAIN_STATES];
@@ -72,6 +73,7 @@ static int model_set_parameters(Model *model, const double *values, Message *mes
         changed = changed || model->parameters[k] != values[LLMN_FIRST_PARAMETER + k];
         model->parameters[k] = values[LLMN_FIRST_PARAMETER + k];
     }
+    model->unilateral = CONTACT_SWITCH >= 0 ? values[CONTACT_SWITCH] : 0.0;
     return changed ? theta_rebuild(model, message) : 0;
 }
 

@@ -10,6 +10,8 @@
 #include "chain_tangent.c"
 #include "theta_tables.h"
 #include "variables.h"
+#include "contact.c"
+#include "contact.h"
 #include "llmn_theta.c"
 #include "llmn_model.c"
 #include "slave.c"

@@ -86,6 +86,6 @@ def test_the_command_builds_them(tmp_path: Path) -> None:
 
 
 def test_variables_come_in_tens() -> None:
-    """Importers show them all: not the numbers of the matrices, but what somebody may want to see or change."""
+    """Importers show them all: not numbers of matrices, but what somebody may want to see or change."""
     for shown in (interface(theta_network("chain10")), wbm_interface()):
         assert len(shown.variables) < 100

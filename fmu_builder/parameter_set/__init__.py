@@ -7,6 +7,7 @@ comes out of it.
 from fmu_builder.parameter_set.canonical import canonical_json
 from fmu_builder.parameter_set.checks import FORMAT
 from fmu_builder.parameter_set.components import (
+    CommonExclusion,
     DerivedOutput,
     DerivedTerm,
     InputSignal,
@@ -17,6 +18,8 @@ from fmu_builder.parameter_set.components import (
     OutputSignal,
     Partition,
     Quantity,
+    StabilityCertificate,
+    StabilityProof,
     StaticMap,
     SurrogateCertainty,
     SurrogateParameters,
@@ -24,10 +27,11 @@ from fmu_builder.parameter_set.components import (
     nested,
 )
 from fmu_builder.parameter_set.consistency import warp_rises
-from fmu_builder.parameter_set.model import ParameterSet, load, model_hash, save
+from fmu_builder.parameter_set.model import ParameterSet, load, loads, model_hash, save
 
 __all__ = [
     "FORMAT",
+    "CommonExclusion",
     "DerivedOutput",
     "DerivedTerm",
     "InputSignal",
@@ -39,12 +43,15 @@ __all__ = [
     "ParameterSet",
     "Partition",
     "Quantity",
+    "StabilityCertificate",
+    "StabilityProof",
     "StaticMap",
     "SurrogateCertainty",
     "SurrogateParameters",
     "Validity",
     "canonical_json",
     "load",
+    "loads",
     "model_hash",
     "nested",
     "save",

@@ -19,8 +19,11 @@ from fmu_builder.files import unwritable_character
 from fmu_builder.parameter_set.components import DerivedOutput, InputSignal, LocalLinearModel, OutputSignal
 from fmu_builder.parameter_set.consistency import Parts, consistency_problems
 
-FORMAT = 1
-"""The version of the format this program writes and reads."""
+FORMAT = 2
+"""The version of the format this program writes; it reads all up to it."""
+
+_FIRST_FORMAT = {"certificate": 2}
+"""Fields that an earlier format does not have, and the first one that has them."""
 
 T = TypeVar("T")
 _LISTS: dict[str, type[Any]] = {
@@ -39,12 +42,18 @@ def problems_of(content: Mapping[str, Any], fields: Mapping[str, FieldInfo]) -> 
         fields: The fields of the parameter set.
     """
     version = content.get("format", FORMAT)
-    if type(version) is not int or version != FORMAT:
+    if type(version) is not int or not 1 <= version <= FORMAT:
         what = f"format version {version!r} is unknown"
-        return [Problem("format", what, f"Use a program that knows it, or a file of format {FORMAT}")]
-    problems = [Problem(name, "unknown field", "Remove it") for name in content if name not in fields]
+        return [Problem("format", what, f"Use a program that knows it, or a file of format 1 to {FORMAT}")]
+    problems = [
+        Problem(name, "unknown field", "Remove it")
+        for name in content
+        if name not in fields or _FIRST_FORMAT.get(name, 1) > version
+    ]
     read: dict[str, Any] = {}
     for name, field in fields.items():
+        if name == "format":
+            continue
         if name not in content:
             if field.is_required():
                 problems.append(Problem(name, "missing", "Add it"))

@@ -7,6 +7,7 @@ by `ParameterSet`.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -261,3 +262,60 @@ class SurrogateParameters(Part):
     recommended: Literal["physical", "tuned"] = "tuned"
     reason: Text = ""
     certainty: SurrogateCertainty | None = None
+
+
+class CommonExclusion(Part):
+    """Why no common Lyapunov matrix exists: Z > 0 at some nodes with sum A Z A' - Z > 0.
+
+    Attributes:
+        nodes: Numbers of the nodes of the node table, from 0.
+        matrices: Z, one per node, [n][n].
+    """
+
+    nodes: tuple[Annotated[int, Field(strict=True)], ...]
+    matrices: tuple[Matrix, ...]
+
+
+class StabilityCertificate(Part):
+    """What lets anybody prove that the network is stable: a claim, which `identification.stability` proves.
+
+    Attributes:
+        model_hash: Of the model it belongs to.
+        method: "nodes" (Lyapunov matrices P at nodes, linear in between, and a bound on the rate), "common"
+            (one P for all nodes) or "local_models" (one P per local model; for output blending).
+        rate: Largest rate of the scheduling variable, its unit per second; "nodes" only.
+        decay: 1/s, the decay of the free response.
+        positions: Where the matrices belong: some of the nodes, the first and the last among them, or the
+            centres of the local models; empty for "common".
+        matrices: P, [n][n] each, integers.
+        exclusion: Why there is no common P, where that was found out.
+    """
+
+    model_hash: Text
+    method: Literal["nodes", "common", "local_models"]
+    rate: Number | None = None
+    decay: Number
+    positions: Vector = ()
+    matrices: tuple[Matrix, ...]
+    exclusion: CommonExclusion | None = None
+
+
+@dataclass(frozen=True)
+class StabilityProof:
+    """What a certificate was found to prove, for whoever builds with it; `identification.stability` makes it.
+
+    Attributes:
+        model_hash: Of the model it was proved for.
+        rate: Largest rate of the scheduling variable, its unit per second; None: any movement.
+        move: Largest move per tick of the scheduling variable clipped to the range, None: any.
+        decay: 1/s.
+        statement: What is proved, with the FIT of the model, on one line.
+        limits: What is not proved.
+    """
+
+    model_hash: str
+    rate: float | None
+    move: float | None
+    decay: float
+    statement: str
+    limits: str

@@ -1,4 +1,4 @@
-"""The parameter set, format 1: reading, writing, identity."""
+"""The parameter set, format 2: reading, writing, identity."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from fmu_builder.parameter_set.components import (
     OutputSignal,
     Part,
     Partition,
+    StabilityCertificate,
     SurrogateParameters,
     Text,
 )
@@ -36,7 +37,7 @@ class ParameterSet(Part):
     `replaced`.
 
     Attributes:
-        format: Version of the format; 1.
+        format: Version of the format; content of an earlier one is taken over into this one.
         name: C identifier, the default FMU model identifier.
         kind: Where the local models come from.
         sample_time: s, the tick.
@@ -51,6 +52,7 @@ class ParameterSet(Part):
         derived_outputs: [R].
         surrogate: Physical parameters of a surrogate, else None.
         declared_unstable: True lets unstable local models pass.
+        certificate: Of stability; a claim until it is proved (`identification.stability`).
         provenance: Hashes of data, settings and reference, seeds, versions; no clock, no path, no user name.
         scores: Score records as in scores.json.
         documentation: Free text for the model card.
@@ -58,7 +60,7 @@ class ParameterSet(Part):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    format: Literal[1] = 1
+    format: Literal[2] = 2
     name: Text
     kind: Literal["n4sid", "surrogate", "linear"]
     sample_time: Number
@@ -72,6 +74,7 @@ class ParameterSet(Part):
     derived_outputs: tuple[DerivedOutput, ...] = ()
     surrogate: SurrogateParameters | None = None
     declared_unstable: bool = False
+    certificate: StabilityCertificate | None = None
     provenance: dict[str, JsonValue] = Field(default_factory=dict)
     scores: tuple[dict[str, JsonValue], ...] = ()
     documentation: Text = ""
@@ -82,7 +85,7 @@ class ParameterSet(Part):
             problems = problems_of(content, type(self).model_fields)
             if problems:
                 raise ParameterSetError(problems)
-            super().__init__(**content)
+            super().__init__(**{**content, "format": FORMAT})
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -127,8 +130,9 @@ class ParameterSet(Part):
 
 
 _SIGNAL_IDENTITY = {"name", "unit", "operating_point"}
+_IDENTITY_FORMAT = 1
+"""The format in which the model hash sees a model: later ones added nothing that an FMU computes with."""
 _IDENTITY: dict[str, Any] = {
-    "format": True,
     "name": True,
     "sample_time": True,
     "inputs": {"__all__": _SIGNAL_IDENTITY | {"minimum", "maximum"}},  # in_range is computed from the limits
@@ -147,10 +151,10 @@ _IDENTITY: dict[str, Any] = {
 def model_hash(parameter_set: ParameterSet) -> str:
     """Return the SHA-256 (hex) of what the FMU computes with: numbers, names, units, node table.
 
-    Descriptions, limits of the outputs, kind, surrogate parameters, provenance, scores and documentation
-    stand outside it.
+    Descriptions, limits of the outputs, kind, surrogate parameters, certificate, provenance, scores and
+    documentation stand outside it.
     """
-    content = parameter_set.model_dump(mode="python", include=_IDENTITY)
+    content = parameter_set.model_dump(mode="python", include=_IDENTITY) | {"format": _IDENTITY_FORMAT}
     return hashlib.sha256(canonical_json(content).encode("utf-8")).hexdigest()
 
 
@@ -181,12 +185,33 @@ def load(path: Path) -> ParameterSet:
             problem is named.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_with_keys_once)
-    except (OSError, ValueError, RecursionError) as reason:  # text, syntax, digits; nesting
-        mend = "Give the path of a parameter set written by this program"
-        raise ParameterSetError.of(str(path), f"cannot be read as JSON ({reason})", mend) from reason
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as reason:
+        raise _unreadable(str(path), reason) from reason
+    return loads(text, str(path))
+
+
+def loads(text: str, place: str) -> ParameterSet:
+    """Read a parameter set from the text of a file.
+
+    Args:
+        text: JSON.
+        place: Where it comes from, for messages.
+
+    Raises:
+        ParameterSetError: It is not JSON, or not a valid parameter set; every problem is named.
+    """
+    try:
+        content = json.loads(text, object_pairs_hook=_with_keys_once)
+    except (ValueError, RecursionError) as reason:  # syntax, digits; nesting
+        raise _unreadable(place, reason) from reason
     if not isinstance(content, dict):
         raise ParameterSetError.of(
-            str(path), "is not a JSON object", "Give a parameter set of format " + str(FORMAT)
+            place, "is not a JSON object", "Give a parameter set of format " + str(FORMAT)
         )
     return ParameterSet(**content)
+
+
+def _unreadable(place: str, reason: Exception) -> ParameterSetError:
+    mend = "Give the path of a parameter set written by this program"
+    return ParameterSetError.of(place, f"cannot be read as JSON ({reason})", mend)

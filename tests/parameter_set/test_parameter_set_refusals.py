@@ -11,7 +11,7 @@ import networks
 import pytest
 
 from fmu_builder.errors import ParameterSetError
-from fmu_builder.parameter_set import ParameterSet, load
+from fmu_builder.parameter_set import FORMAT, ParameterSet, load
 
 Content = dict[str, Any]
 
@@ -174,7 +174,7 @@ def test_unstable_models_are_refused_unless_declared() -> None:
 
 
 def test_an_unknown_format_version_is_the_only_complaint() -> None:
-    content = gaussian() | {"format": 2, "novelty": 1}
+    content = gaussian() | {"format": FORMAT + 1, "novelty": 1}
     assert places(content) == ["format"]
 
 

@@ -67,6 +67,10 @@ class ParameterSetError(LlmnError, ValueError):
     """A parameter set is not a valid LLMN parameter set."""
 
 
+class CertificateError(LlmnError, ValueError):
+    """A certificate of stability does not prove what it claims, or none can be had."""
+
+
 class IdentificationError(LlmnError, ArithmeticError):
     """No model can be identified from the data as asked."""
 

@@ -91,3 +91,4 @@ SELF_COMPILED = (
     1e-9  # of an output's largest size: fused multiply-adds over 120 ms, forces are differences of 1e5 N
 )
 IMPORTER_INTERPOLATION = 1e-12  # of the signal's size: between equal values fmpy's inputs round with its time
+TRIANGLE = 1e-12  # relative: products of a few matrices of numbers of order one

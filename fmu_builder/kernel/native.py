@@ -156,6 +156,11 @@ class Network:
         first = self.states.size
         return self.state[first : first + self.tables.sizes["local_models"]]
 
+    @property
+    def outside(self) -> bool:
+        """Whether a tick has moved the scheduling variable further than is certified."""
+        return bool(self.state[self.tables.carried_size - 1] != 0.0)
+
     def _row(self, inputs: ArrayLike) -> Array:
         return _checked(np.atleast_2d(np.asarray(inputs, dtype=np.float64)), self.tables.sizes["inputs"])
 

@@ -150,11 +150,18 @@ class Network:
         weights: [M] validities at the last tick.
         in_range: Whether the inputs of the last tick lie in the trained range.
         deviation: (C x)_j of the last tick, which also schedules.
+        position: r of the last tick.
+        outside: Whether a tick has moved r by more than `certified_move`, if that is not 0.
     """
 
-    def __init__(self, parameter_set: ParameterSet, unilateral: bool = False) -> None:
+    def __init__(
+        self, parameter_set: ParameterSet, unilateral: bool = False, certified_move: float = 0.0
+    ) -> None:
         self.set = parameter_set
         self.contact = contact_of(parameter_set) if unilateral else None
+        self.certified_move = certified_move
+        self.position = 0.0
+        self.outside = False
         self.kind = parameter_set.offsets.kind
         self.output_blending = parameter_set.blending == "output"
         self.u_op = [signal.operating_point for signal in parameter_set.inputs]
@@ -178,6 +185,7 @@ class Network:
         """
         self.low_pass = self.held_scheduling = inputs[self.set.scheduling_index]
         self.in_range = self._inside(inputs)
+        self.outside = False
         self.deviation = 0.0
         self._settle(inputs)
         for _ in range(_START_PASSES - 1 if self.kappa != 0.0 else 0):
@@ -223,7 +231,9 @@ class Network:
             gain = low_pass_gain(self.set.offsets.corner_frequency or 0.0, self.set.sample_time)
             self.low_pass = significant(self.low_pass + gain * (scheduling - self.low_pass))
         position = self.low_pass if self.kind == "low_pass" else self._scheduling(scheduling)
+        before = self.position
         blend = self._schedule(position)
+        self.outside = self.outside or 0.0 < self.certified_move < abs(self.position - before)
         self.held_scheduling = scheduling
         self.in_range = self._inside(inputs)
         if self.kind == "scheduled_equilibrium":
@@ -264,6 +274,7 @@ class Network:
         partition, table = self.set.partition, self.set.node_table
         low, high = partition.range
         r = low if scheduling < low else high if scheduling > high else scheduling
+        self.position = r
         if table is not None:
             self.weights = between(table.positions, table.weights, r)
             if not self.output_blending:

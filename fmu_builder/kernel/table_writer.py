@@ -20,8 +20,9 @@ def tables_header(tables: Tables, made: Mapping[str, int] | None = None) -> str:
         made: Name of an array -> numbers per node that the FMU makes itself, as `NODE_...` constants.
     """
     lines = ["/* The numbers of one network; written by a program. Struct and meaning: kernel.h. */", ""]
-    sizes = {**tables.sizes, "state_size": tables.state_size}
-    lines += ["enum {", *(f"    TABLES_{name.upper()} = {sizes[name]}," for name in (*SIZES, "state_size"))]
+    certified = int(tables.numbers["certified_move"] > 0.0)
+    sizes = {**tables.sizes, "state_size": tables.state_size, "certified": certified}
+    lines += ["enum {", *(f"    TABLES_{name.upper()} = {size}," for name, size in sizes.items())]
     lines += [f"    NODE_{name.upper()} = {count}," for name, count in (made or {}).items()]
     lines[-1] = lines[-1].rstrip(",")
     lines += ["};", "", f"#define TABLES_SAMPLE_TIME {float(tables.sample_time)!r} /* s */", ""]

@@ -25,7 +25,7 @@ MODEL_ARRAYS = ("A", "B", "C", "D", "g", "x0", "u0", "y0")
 
 NUMBERS = (
     *("range_low", "range_high", "range_middle", "low_pass_gain", "node_scale", "map_scale"),
-    "deviation_gain",
+    *("deviation_gain", "certified_move"),
 )
 ARRAYS = (
     *("log_weights", "node_positions", "node_weights", "map_positions", "map_values"),
@@ -74,10 +74,15 @@ class Tables:
     @property
     def state_size(self) -> int:
         """Doubles in the state array: `kernel_state_size` of c/kernel.c."""
+        n, m, p = (self.sizes[name] for name in ("states", "inputs", "outputs"))
+        return self.carried_size + 2 + 2 * m + 3 * n + max(n, p) + n * n
+
+    @property
+    def carried_size(self) -> int:
+        """Doubles of it that carry something from tick to tick; the last of them is `outside`."""
         size = self.sizes
         n, m, p, M = size["states"], size["inputs"], size["outputs"], size["local_models"]
-        carried = (n if size["blending"] else M * n) + M + p + m * p + n + 4
-        return carried + 2 + 2 * m + 3 * n + max(n, p) + n * n
+        return (n if size["blending"] else M * n) + M + p + m * p + n + 6
 
     def native(self) -> NativeTables:
         """Return the C structure; it points into the arrays, so keep `self` alive while it is used."""
@@ -91,8 +96,14 @@ class Tables:
         return native
 
 
-def tables_of(parameter_set: ParameterSet) -> Tables:
-    """Return the tables of a parameter set: what costs time in a tick is worked out here."""
+def tables_of(parameter_set: ParameterSet, certified_move: float = 0.0) -> Tables:
+    """Return the tables of a parameter set: what costs time in a tick is worked out here.
+
+    Args:
+        parameter_set: The network.
+        certified_move: Longest move per tick of the clipped scheduling variable for which stability has been
+            proved; 0 where the proof does not depend on it, or without one.
+    """
     partition, offsets, node_table = parameter_set.partition, parameter_set.offsets, parameter_set.node_table
     output_blending = parameter_set.blending == "output"
     models = parameter_set.local_models if node_table is None or output_blending else node_table.models
@@ -135,6 +146,7 @@ def tables_of(parameter_set: ParameterSet) -> Tables:
             "node_scale": _scale(nodes),
             "map_scale": _scale(points),
             "deviation_gain": partition.deviation_gain,
+            "certified_move": certified_move,
         },
         arrays=arrays | {"term_coefficients": coefficients},
         indices=indices,

@@ -7,7 +7,7 @@
 static inline int kernel_state_size(const Tables *t) {
     int local_states = FIXED(t, blending) == BLENDING_OUTPUT ? FIXED(t, local_models) * FIXED(t, states) : FIXED(t, states);
     int wide = FIXED(t, states) > FIXED(t, outputs) ? FIXED(t, states) : FIXED(t, outputs);
-    return local_states + FIXED(t, local_models) + FIXED(t, outputs) + FIXED(t, inputs) * FIXED(t, outputs) + FIXED(t, states) + 4 /* carried */
+    return local_states + FIXED(t, local_models) + FIXED(t, outputs) + FIXED(t, inputs) * FIXED(t, outputs) + FIXED(t, states) + 6 /* carried */
            + 2 + 2 * FIXED(t, inputs) + 3 * FIXED(t, states) + wide + FIXED(t, states) * FIXED(t, states); /* scratch */
 }
 
@@ -23,7 +23,9 @@ static inline KernelView kernel_view(const Tables *t, double *state) {
     v.low_pass = v.scheduling_held + 1;
     v.deviation_held = v.low_pass + 1;
     v.in_range = v.deviation_held + 1;
-    v.pair = v.in_range + 1;
+    v.position = v.in_range + 1;
+    v.outside = v.position + 1;
+    v.pair = v.outside + 1;
     v.deviation = v.pair + 2;
     v.x0 = v.deviation + FIXED(t, inputs);
     v.u0 = v.x0 + FIXED(t, states);
@@ -97,6 +99,7 @@ static inline KernelBlend kernel_schedule(const Tables *t, const KernelView *v, 
     blend.first = 0;
     blend.count = FIXED(t, local_models);
     blend.weights = v->weights;
+    v->position[0] = r;
     if (FIXED(t, nodes) == 0) {
         kernel_gaussian_weights(t, r, v->weights);
     } else {
@@ -285,11 +288,20 @@ static inline double kernel_in_range(const Tables *t, const double *inputs) {
     return inside ? 1.0 : 0.0;
 }
 
+/* outside = 1 when r has moved from `before` further than is certified */
+static inline void kernel_watch_move(const Tables *t, const KernelView *v, double before) {
+    double move = v->position[0] - before;
+    if (FIXED(t, certified_move) > 0.0 && (move > FIXED(t, certified_move) || -move > FIXED(t, certified_move))) {
+        v->outside[0] = 1.0;
+    }
+}
+
 /* t_n -> t_n+1 with the inputs in force at t_n. */
 static inline void kernel_tick(const Tables *t, double *state, const double *inputs) {
     KernelView v = kernel_view(t, state);
     double s = inputs[FIXED(t, scheduling)];
     double change = s - v.scheduling_held[0];
+    double before = v.position[0];
     KernelBlend blend;
     if (FIXED(t, offsets) == OFFSETS_LOW_PASS) {
         v.low_pass[0] = kernel_significant(v.low_pass[0] + FIXED(t, low_pass_gain) * (s - v.low_pass[0]));
@@ -297,6 +309,7 @@ static inline void kernel_tick(const Tables *t, double *state, const double *inp
     blend = kernel_schedule(t, &v, FIXED(t, offsets) == OFFSETS_LOW_PASS ? v.low_pass[0] : kernel_scheduling(t, &v, s));
     v.scheduling_held[0] = s;
     v.in_range[0] = kernel_in_range(t, inputs);
+    kernel_watch_move(t, &v, before);
     if (FIXED(t, offsets) == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_rebase(t, &v, &blend, change);
     kernel_advance(t, &v, &blend, inputs);
     kernel_hold(t, &v, &blend);

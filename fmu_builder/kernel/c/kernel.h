@@ -31,6 +31,9 @@
    the place of the scheduling input, for affine u0. Derived outputs: sum of coefficient * signal over outputs and inputs,
    the inputs being those set last.
 
+   Certificate of stability: it holds while r moves by at most the certified move d per tick. outside rises with the first
+   tick that has |r_n - r_n-1| > d and stays; beyond the range, where r stands still, nothing raises it. At the start 0.
+
    Start: the steady state for the inputs, from (I - A) x = right-hand side by Gaussian elimination with row pivoting;
    with kappa repeated with the deviation found, until it stays or KERNEL_START_PASSES are done.
 
@@ -80,6 +83,7 @@ typedef struct {
     double node_scale;         /* (K - 1) / width: first guess of the cell */
     double map_scale;          /* (L - 1) / width */
     double deviation_gain;     /* kappa; 0 = only the scheduling input schedules */
+    double certified_move;     /* d; 0 = no certificate that depends on how far r moves */
     const double *log_weights;             /* [M][3]: constant, slope, curvature */
     const double *node_positions;          /* [K] */
     const double *node_weights;            /* [K][M] */
@@ -113,6 +117,8 @@ typedef struct {
     double *low_pass;          /* [1] l */
     double *deviation_held;    /* [1] (C x)_j of the last tick; 0 without kappa */
     double *in_range;          /* [1] 1.0 when the inputs of the last tick lie in the trained range, else 0.0 */
+    double *position;          /* [1] r of the last tick */
+    double *outside;           /* [1] 1.0 when a tick has moved r further than is certified, else 0.0 */
     double *pair, *deviation, *x0, *u0, *shift, *product, *next, *matrix;
 } KernelView;
 

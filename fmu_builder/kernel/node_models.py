@@ -29,12 +29,12 @@ class BlendedNodes:
     numbers: dict[str, int]
 
 
-def blended_nodes(parameter_set: ParameterSet) -> BlendedNodes | None:
+def blended_nodes(parameter_set: ParameterSet, certified_move: float = 0.0) -> BlendedNodes | None:
     """Return what the models at the nodes are sums of; None where they are not, or nothing is gained.
 
     They are when every number is sum_i w_i times that of local model i, added in this order, to the last bit.
     """
-    tables = tables_of(parameter_set)
+    tables = tables_of(parameter_set, certified_move)
     nodes, models = tables.sizes["nodes"], tables.sizes["local_models"]
     if parameter_set.blending == "output" or nodes <= models:
         return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from fmu_builder.errors import BuildError
 from fmu_builder.fmi2 import DEFAULT_PLATFORMS, Interface, build_fmu, parameter_values
 from fmu_builder.kernel import (
     SOURCES,
@@ -19,7 +20,7 @@ from fmu_builder.kernel import (
 )
 from fmu_builder.llmn_fmu.card import model_card
 from fmu_builder.llmn_fmu.variables import interface
-from fmu_builder.parameter_set import ParameterSet
+from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
 _C_FOLDER = Path(__file__).parent / "c"
 
@@ -31,6 +32,7 @@ def build_llmn(
     model_identifier: str | None = None,
     naming: str = "flat",
     documentation: Mapping[str, bytes] | None = None,
+    proof: StabilityProof | None = None,
 ) -> Path:
     """Build the FMI 2.0 FMU of a network: numbers as tables, the kernel as it is.
 
@@ -48,16 +50,22 @@ def build_llmn(
         model_identifier: C identifier of the FMU; by default the name of the parameter set.
         naming: "flat", or "structured" names of variables.
         documentation: Files below documentation/ beside the model card.
+        proof: What the parameter set's certificate of stability was found to prove
+            (`identification.stability.proved`). Only with it the FMU speaks of stability, in its model card
+            and by outside_certificate: a certificate that nobody has proved counts for nothing.
 
     Returns:
         `output`.
 
     Raises:
-        BuildError: Unknown platform or unit, or C code that does not compile.
+        BuildError: Unknown platform or unit, a proof of another model, or C code that does not compile.
         OutputError: `output` cannot be written.
     """
-    shown = interface(parameter_set, model_identifier, naming)
-    unity, headers = _network_headers(parameter_set)
+    if proof is not None and proof.model_hash != parameter_set.model_hash():
+        mend = "Prove the certificate of this parameter set"
+        raise BuildError.of(f"proof of stability for {parameter_set.name}", "is of another model", mend)
+    shown = interface(parameter_set, model_identifier, naming, proof)
+    unity, headers = _network_headers(parameter_set, proof)
     headers["contact.h"] = contact_header(contact_of(parameter_set))
     return build_fmu(
         shown,
@@ -70,7 +78,7 @@ def build_llmn(
         resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8"), **_values(shown)},
         documentation={
             **(documentation or {}),
-            "index.html": model_card(parameter_set, shown).encode("utf-8"),
+            "index.html": model_card(parameter_set, shown, proof).encode("utf-8"),
         },
     )
 
@@ -81,16 +89,20 @@ def _values(shown: Interface) -> dict[str, bytes]:
     return {"identified.ssv": parameter_values("identified", shown, known)} if known else {}
 
 
-def _network_headers(parameter_set: ParameterSet) -> tuple[str, dict[str, str]]:
+def _network_headers(
+    parameter_set: ParameterSet, proof: StabilityProof | None
+) -> tuple[str, dict[str, str]]:
     """Return the unity file, and the headers of numbers.
 
     Models at the nodes are left out where the FMU can make them, of physical parameters or of local models.
     """
-    chain, blend = chain_of(parameter_set), blended_nodes(parameter_set)
+    move = proof.move if proof is not None and proof.move is not None else 0.0
+    tables = tables_of(parameter_set, move)
+    chain, blend = chain_of(parameter_set), blended_nodes(parameter_set, move)
     if chain is not None:
-        numbers = tables_header(without_arrays(tables_of(parameter_set), ("A", "B", "g")))
+        numbers = tables_header(without_arrays(tables, ("A", "B", "g")))
         headers = {"tables.h": numbers, "theta_tables.h": theta_header(parameter_set, chain)}
         return "surrogate.c", headers
     if blend is not None:
         return "blended.c", {"tables.h": tables_header(blend.tables, blend.numbers)}
-    return "all.c", {"tables.h": tables_header(tables_of(parameter_set))}
+    return "all.c", {"tables.h": tables_header(tables)}

@@ -9,7 +9,7 @@ from pydantic import JsonValue
 
 from fmu_builder.fmi2 import Interface, Variable
 from fmu_builder.kernel import contact_of
-from fmu_builder.parameter_set import ParameterSet
+from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
 _OFFSETS = {
     "none": "Outputs are counted from the operating point; away from it they carry an offset.",
@@ -38,11 +38,11 @@ _WARNING_COLUMNS = ("place", "what", "mend")
 _SCORE_COLUMNS = ("signal", "split", "data_set", "fit", "max_error")
 
 
-def model_card(parameter_set: ParameterSet, shown: Interface) -> str:
+def model_card(parameter_set: ParameterSet, shown: Interface, proof: StabilityProof | None = None) -> str:
     """Return documentation/index.html.
 
-    What the model is, the range it was trained in, how the inputs act, its variables, and the scores and
-    provenance that the parameter set holds.
+    What the model is, the range it was trained in, how the inputs act, what is proved of its stability, its
+    variables, and the scores and provenance that the parameter set holds.
     """
     sections = [
         f"<h1>{escape(shown.model_name)}</h1>",
@@ -51,6 +51,7 @@ def model_card(parameter_set: ParameterSet, shown: Interface) -> str:
         *_told(parameter_set, _WARNINGS, "Warnings", _WARNING_COLUMNS),
         *_range(parameter_set),
         *_behaviour(parameter_set),
+        *_stability(parameter_set, proof),
         *_variables(shown),
         *_parameters(shown),
         *_scores(parameter_set),
@@ -122,6 +123,28 @@ def _behaviour(parameter_set: ParameterSet) -> Iterator[str]:
             f" for a tick with {pressed} in its middle. What the model was trained on was in contact:"
             " how well it flies is another question."
         )
+
+
+def _stability(parameter_set: ParameterSet, proof: StabilityProof | None) -> Iterator[str]:
+    yield "<h2>Stability</h2>"
+    if proof is None:
+        stored = " A certificate stored with the model was not proved when this FMU was built."
+        yield _paragraph("Nothing is proved." + (stored if parameter_set.certificate is not None else ""))
+        return
+    yield _paragraph(proof.statement)
+    yield _paragraph(proof.limits)
+    if proof.rate is not None:
+        yield _paragraph(
+            f"Beyond the range of {parameter_set.partition.scheduling} weights are held and the proof holds,"
+            " as it does for every change of direction. outside_certificate becomes true with the first tick"
+            " that is faster, also where an input held over a long communication step jumps, and stays"
+            " true;"
+            " the log says it once."
+        )
+    yield _paragraph(
+        "llmn prove, or identification/stability/verify.py alone, makes the proof anew from"
+        " resources/parameter_set.json."
+    )
 
 
 def _variables(shown: Interface) -> Iterator[str]:

@@ -12,7 +12,7 @@ from fmu_builder.kernel import (
     chain_of,
     contact_of,
 )
-from fmu_builder.parameter_set import ParameterSet
+from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
 _KINDS = {
     "n4sid": "subspace-identified models",
@@ -22,9 +22,14 @@ _KINDS = {
 
 
 def interface(
-    parameter_set: ParameterSet, model_identifier: str | None = None, naming: str = "flat"
+    parameter_set: ParameterSet,
+    model_identifier: str | None = None,
+    naming: str = "flat",
+    proof: StabilityProof | None = None,
 ) -> Interface:
     """Return the interface: inputs, outputs, derived outputs, validity_1..M, in_range, parameters, constants.
+
+    Where stability is proved for a rate of the scheduling variable, outside_certificate follows in_range.
 
     Inputs start at the operating point, their limits are those seen in training. Outputs carry no limits:
     what was seen in training does not bound them. Parameters are the physical ones of a surrogate whose theta
@@ -35,6 +40,7 @@ def interface(
         parameter_set: The network.
         model_identifier: C identifier of the FMU; by default the name of the parameter set.
         naming: "flat", or "structured": `validity[1]`, `theta[2].m_H`.
+        proof: What its certificate of stability was found to prove.
 
     Raises:
         BuildError: A name or unit cannot be expressed; every problem is named.
@@ -50,14 +56,14 @@ def interface(
         model_identifier=model_identifier or parameter_set.name,
         model_name=name,
         description=description,
-        variables=tuple(_variables(parameter_set)),
+        variables=tuple(_variables(parameter_set, proof)),
         naming=naming,
         default_step=parameter_set.sample_time,
         licence="program: MIT, see documentation/licenses; the model belongs to whoever identified it",
     )
 
 
-def _variables(parameter_set: ParameterSet) -> Iterator[Variable]:
+def _variables(parameter_set: ParameterSet, proof: StabilityProof | None) -> Iterator[Variable]:
     for signal in parameter_set.inputs:
         yield Variable(
             signal.name,
@@ -112,6 +118,15 @@ def _variables(parameter_set: ParameterSet) -> Iterator[Variable]:
         causality="output",
         description="Whether the inputs of the last tick lie in the trained range",
     )
+    if proof is not None and proof.rate is not None:
+        scheduling = parameter_set.inputs[parameter_set.scheduling_index]
+        yield Variable(
+            "outside_certificate",
+            type="Boolean",
+            causality="output",
+            description=f"Whether {scheduling.name} has moved by more than {proof.rate!r} {scheduling.unit}/s"
+            " from tick to tick since the start: up to this stability is proved",
+        )
     parameters = tuple(_parameters(parameter_set))
     yield from parameters
     if contact_of(parameter_set) is not None:

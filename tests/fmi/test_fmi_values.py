@@ -329,3 +329,23 @@ def test_log_categories(new_slave: NewSlave) -> None:
     names[0] = b"logNoise"
     assert quiet.SetDebugLogging(1, ctypes.c_size_t(1), names) == ERROR
     assert "unknown log category logNoise" in quiet.last_error()
+
+
+def test_an_alarm_of_the_model_is_logged_once_and_the_steps_go_on(new_slave: NewSlave) -> None:
+    slave = new_slave().start(v1=-260.0)
+    alarm = (WARNING, "logStatusWarning", "fmi2DoStep: x_1 has gone beyond 40 (reported once)")
+    assert slave.log == []
+    assert [slave.step(0.001 * k, 0.001) for k in range(3)] == [OK, OK, OK]
+    assert slave.log == [alarm]
+    assert slave.Reset() == OK
+    slave.start(v1=-260.0)
+    assert slave.step(0.0, 0.001) == OK
+    assert slave.log == [alarm, alarm]
+
+
+def test_an_alarm_in_model_exchange_is_logged_once(new_sampled: NewSlave) -> None:
+    slave = new_sampled(kind=MODEL_EXCHANGE).start(v1=-260.0).run()
+    for k in (1, 2):
+        slave.event(0.001 * k)
+    text = "fmi2NewDiscreteStates: x_1 has gone beyond 40 (reported once)"
+    assert slave.log == [(WARNING, "logStatusWarning", text)]

@@ -174,6 +174,7 @@ FMI2_Export COLD fmi2Status fmi2Reset(fmi2Component c)
     }
     instance->warned_of_events = 0;
     instance->warned_of_parameters = 0;
+    instance->warned_of_ticks = 0;
     instance->last_step = fmi2OK;
     return fmi2OK;
 }

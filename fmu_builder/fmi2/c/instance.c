@@ -14,6 +14,7 @@ typedef struct {
     unsigned char warned[VARIABLE_COUNT];
     unsigned char warned_of_events;
     unsigned char warned_of_parameters;
+    unsigned char warned_of_ticks;
 } Instance;
 
 /* In which modes a function may be called (FMI 2.0.4, sections 3.2.3 and 4.2.4), and on instances for what. */
@@ -298,4 +299,18 @@ static COLD fmi2Status instance_parameters_set(Instance *instance, const double 
     instance->warned_of_parameters = 1;
     message_append(&message, remark);
     return instance_warn(instance, &message);
+}
+
+/** after ticks: what they give rise to is logged once; the step itself was done as asked */
+static void instance_ticked(Instance *instance)
+{
+    const char *alarm = model_alarm(&instance->slave.model);
+    Message message;
+    if (alarm == NULL || instance->warned_of_ticks) {
+        return;
+    }
+    instance->warned_of_ticks = 1;
+    message_clear(&message);
+    message_append(&message, alarm);
+    (void)instance_log(instance, fmi2Warning, &message);
 }

@@ -27,6 +27,9 @@ static int model_retune(Model *model, const double *values, Message *message);
 /** NULL, or what is to be said once when somebody has given parameters these values[] */
 static const char *model_remark(const double *values);
 
+/** NULL, or what is to be said once, as a warning, about what ticks did; asked after every step, so it stays */
+static const char *model_alarm(const Model *model);
+
 /** the tick T_s, s: positive and constant after model_set_parameters */
 static double model_sample_time(const Model *model);
 

@@ -56,6 +56,7 @@ FMI2_Export fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eve
     if (slave_update(&instance->slave, &missed, &message) != 0) {
         return instance_error(instance, &message, "");
     }
+    instance_ticked(instance);
     eventInfo->newDiscreteStatesNeeded = fmi2False;
     eventInfo->terminateSimulation = fmi2False;
     eventInfo->nominalsOfContinuousStatesChanged = fmi2False;

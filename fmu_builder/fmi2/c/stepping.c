@@ -55,6 +55,8 @@ FMI2_Export fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunication
     if (slave_check_step(&instance->slave, currentCommunicationPoint, communicationStepSize, &message) != 0 ||
         slave_step(&instance->slave, currentCommunicationPoint, communicationStepSize, &message) != 0) {
         instance->last_step = instance_error(instance, &message, "");
+    } else {
+        instance_ticked(instance);
     }
     return instance->last_step;
 }

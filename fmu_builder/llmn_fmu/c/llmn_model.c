@@ -1,11 +1,14 @@
 /* The kernel as a model of the slave (model.h). Variables stand in this order: inputs, outputs, derived outputs,
-   validity_1..M, in_range, parameters. The sizes are constants here, so that the compiler unrolls what the tables need.
+/* The kernel as a model of the slave (model.h). Variables stand in this order: inputs, outputs, derived outputs,
+   validity_1..M, in_range, outside_certificate if stability is certified for a rate, parameters. The sizes are constants
+   here, so that the compiler unrolls what the tables need.
    Model, its parameters and where its tables are: llmn_fixed.c, llmn_blended.c or llmn_theta.c. */
 
 enum {
     LLMN_FIRST_OUTPUT = TABLES_INPUTS,
     LLMN_FIRST_VALIDITY = LLMN_FIRST_OUTPUT + TABLES_OUTPUTS + TABLES_DERIVED,
-    LLMN_IN_RANGE = LLMN_FIRST_VALIDITY + TABLES_LOCAL_MODELS
+    LLMN_IN_RANGE = LLMN_FIRST_VALIDITY + TABLES_LOCAL_MODELS,
+    LLMN_OUTSIDE_CERTIFICATE = LLMN_IN_RANGE + 1
 };
 
 static double model_sample_time(const Model *model)
@@ -57,10 +60,14 @@ static COLD int model_initialise(Model *model, const double *inputs, Message *me
 
 static int model_tick(Model *model, const double *inputs, Message *message)
 {
+    const double *given = inputs;
     double acting[TABLES_INPUTS];
     Tables own;
     inputs = model_acting(model, inputs, contact.half_tick, acting);
     kernel_tick(model_network(model, &own), model->state, inputs);
+    if (TABLES_CERTIFIED && inputs[TABLES_SCHEDULING] != given[TABLES_SCHEDULING]) {
+        kernel_view(&tables, model->state).outside[0] = 1.0; /* the height follows the states: a loop nobody has proved */
+    }
     return model_check(model, message);
 }
 
@@ -75,6 +82,18 @@ static void model_outputs(const Model *model, double *values)
         values[LLMN_FIRST_VALIDITY + i] = view.weights[i];
     }
     values[LLMN_IN_RANGE] = view.in_range[0];
+    if (TABLES_CERTIFIED) {
+        values[LLMN_OUTSIDE_CERTIFICATE] = model_is_changed(model) ? 1.0 : view.outside[0];
+    }
+}
+
+static const char *model_alarm(const Model *model)
+{
+    const KernelView view = kernel_view(&tables, (double *)model->state);
+    return TABLES_CERTIFIED && view.outside[0] != 0.0
+               ? "the scheduling variable has moved faster than stability is proved for, or the contact has opened (reported "
+                 "once)"
+               : 0;
 }
 
 /** there are no continuous states: only the slave's common code speaks of them */

@@ -1,9 +1,10 @@
-/* A surrogate with physical parameters: k_E and then theta, local model by local model, behind in_range. The models at the
+/* A surrogate with physical parameters: k_E and then theta, local model by local model, behind the Booleans. The models at the
    nodes are made of them when an instance starts and when they change, and live in the model; the rest of the tables are
    constants. */
 
 enum {
-    LLMN_FIRST_PARAMETER = TABLES_INPUTS + TABLES_OUTPUTS + TABLES_DERIVED + TABLES_LOCAL_MODELS + 1,
+    LLMN_FIRST_PARAMETER = TABLES_INPUTS + TABLES_OUTPUTS + TABLES_DERIVED + TABLES_LOCAL_MODELS + 1 +
+                           TABLES_CERTIFIED,
     LLMN_PARAMETERS = 1 + THETA_PARAMETERS * TABLES_LOCAL_MODELS,
     LLMN_TERM_SLOTS = THETA_TERMS > 0 ? THETA_TERMS : 1
 };
@@ -12,6 +13,7 @@ typedef struct {
     double state[TABLES_STATE_SIZE];
     double unilateral;                  /* 1.0: the pan-head may leave the wire */
     double parameters[LLMN_PARAMETERS]; /* what the model computes with */
+    double changed;                     /* 1.0: they are not those identified */
     double made;                        /* 1.0: what follows is made of them */
     double A[TABLES_NODES * CHAIN_STATES * CHAIN_STATES];
     double B[TABLES_NODES * CHAIN_INPUTS * CHAIN_STATES];
@@ -47,6 +49,12 @@ static COLD int theta_rebuild(Model *model, Message *message)
                                      model->parameters[0]};
     int node = 0, answer = CHAIN_FINE;
     model->made = 0.0;
+    model->changed = 0.0;
+    for (int k = 0; k < LLMN_PARAMETERS; ++k) {
+        if (model->parameters[k] != variable_start[LLMN_FIRST_PARAMETER + k]) {
+            model->changed = 1.0;
+        }
+    }
     answer = chain_table(&theta_tables, head, model->parameters + 1, model->A, model->B, model->g, &node);
     if (answer != CHAIN_FINE) {
         theta_append_trouble(message, answer, node);
@@ -133,6 +141,12 @@ static int model_retune(Model *model, const double *values, Message *message)
         theta_carry_over(model, model->parameters[0] != before[0]);
     }
     return 0;
+}
+
+/** whether the model computes with other numbers than those that were identified */
+static int model_is_changed(const Model *model)
+{
+    return model->changed != 0.0;
 }
 
 static const char *model_remark(const double *values)

@@ -45,6 +45,11 @@ static int model_retune(Model *model, const double *values, Message *message) {
     return 0;
 }
 
+static const char *model_alarm(const Model *model) {
+    (void)model;
+    return 0;
+}
+
 static const char *model_remark(const double *values) {
     (void)values;
     return 0;

@@ -33,6 +33,12 @@ static int model_retune(Model *model, const double *values, Message *message)
     return 0;
 }
 
+/** x_1 beyond 40 is alarming */
+static const char *model_alarm(const Model *model)
+{
+    return model->state[0] > 40.0 ? "x_1 has gone beyond 40 (reported once)" : 0;
+}
+
 static const char *model_remark(const double *values)
 {
     return values[VARIABLE_shift] != 0.0 ? "the model is shifted" : 0;

@@ -12,6 +12,7 @@ from fmu_builder.fmi2 import DEFAULT_PLATFORMS
 from fmu_builder.llmn_fmu import build_llmn
 from fmu_builder.parameter_set import ParameterSet
 from fmu_builder.python_fmu import PLATFORMS, build_python_fmu
+from identification.stability import proved
 
 
 class Naming(StrEnum):
@@ -35,7 +36,7 @@ def build_model(
     backend: Backend = Backend.NATIVE,
     naming: Naming = Naming.FLAT,
 ) -> Path:
-    """Package a model as an FMU.
+    """Package a model as an FMU. A certificate of stability in a parameter set is proved anew for it.
 
     Args:
         model: Path of a parameter set (.json), or one of `fmus.NAMES`.
@@ -51,6 +52,7 @@ def build_model(
     Raises:
         SettingsError: `model` is neither, or cannot be had with this backend.
         ParameterSetError: The parameter set is not valid; every problem is named.
+        CertificateError: The certificate does not prove what it claims.
         BuildError: The compiler refused, or the backend has no such platform.
         OutputError: The file cannot be written.
     """
@@ -66,7 +68,8 @@ def build_model(
     if model in fmus.NAMES:
         return fmus.build(model, output or _beside(model), chosen, naming)
     parameters = _network(model, backend)
-    return build_llmn(parameters, output or _beside(model), chosen, naming=naming)
+    proof = proved(parameters)
+    return build_llmn(parameters, output or _beside(model), chosen, naming=naming, proof=proof)
 
 
 def _beside(model: str) -> Path:

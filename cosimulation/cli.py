@@ -229,6 +229,38 @@ def validate(
 
 
 @app.command()
+def prove(
+    file: Annotated[
+        Path, typer.Argument(help="A parameter set (.json), or the FMU of one.", show_default=False)
+    ],
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            help="Rate of the scheduling variable to look for, its unit per second; where none is given and"
+            " none stored 6, or the largest below it.",
+            show_default=False,
+        ),
+    ] = None,
+    data: Annotated[
+        list[Path] | None,
+        typer.Option(help="Experiments to compute the FIT on that stands beside.", show_default=False),
+    ] = None,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Look for a certificate even where one is stored.")
+    ] = False,
+    store: Annotated[
+        bool, typer.Option("--store", help="Write the certificate found into the parameter set.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Prove in exact arithmetic that a network is stable, or say why not; exit status 1 without a proof."""
+    from cosimulation.prove import prove_file
+
+    result = prove_file(file, rate, tuple(data or ()), anew=anew, store=store, reporter=_reporter(as_json))
+    _print(result.summary(), as_json, result.text())
+
+
+@app.command()
 def study(
     name: Annotated[str, typer.Argument(help="order, blending, surrogate or shipped.", show_default=False)],
     settings: Annotated[

@@ -21,8 +21,10 @@ MOST_KNOTS = 17
 _POLYNOMIALS_UP_TO = 24
 """Nodes up to which all Bernstein coefficients are conditions; between closer nodes the ends decide."""
 _ITERATIONS = 60
-_SMALL = 1e-6
-"""Of the largest multiplier: smaller ones are left out, and Z are made definite by a tenth of it."""
+_SHARES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0)
+"""Of the largest multiplier: the smaller ones are left out, as long as the proof stands without them."""
+_FLOOR = 1e-8
+"""Of the largest multiplier: added to the others, which may be singular."""
 
 
 class Solution(NamedTuple):
@@ -218,10 +220,20 @@ def common_solution(models: Array, sample_time: float) -> Solution | Exclusion |
     if x[-1] > 0.0:
         return Solution(triangle.matrices(x[:-1].reshape(1, -1)), float(x[-1]))
     Z = triangle.matrices(multipliers[1:].reshape(asked.count, -1))
+    return _fewest(models, Z)
+
+
+def _fewest(models: Array, Z: Array) -> Exclusion | None:
+    """Return the largest of the multipliers, as few as will do, made positive definite; None: none will."""
     traces = np.trace(Z, axis1=1, axis2=2)
-    kept_nodes = np.flatnonzero(traces > _SMALL * traces.max())
-    floor = 0.1 * _SMALL * traces.max() * np.eye(triangle.n)
-    return Exclusion(tuple(kept_nodes.tolist()), Z[kept_nodes] + floor)
+    for share in _SHARES:
+        nodes = np.flatnonzero(traces > share * traces.max())
+        definite = Z[nodes] + _FLOOR * traces.max() * np.eye(models.shape[1])
+        A = models[nodes]
+        total = (A @ definite @ A.transpose(0, 2, 1) - definite).sum(axis=0)
+        if np.linalg.eigvalsh(total)[0] > _FLOOR * traces.max():
+            return Exclusion(tuple(nodes.tolist()), definite)
+    return None
 
 
 def _solved(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from itertools import product
 
 import numpy as np
 import scipy.linalg
@@ -250,15 +251,16 @@ class _Search:
         """Return the certificate of P in the network's own coordinates, rounded as coarsely as it holds."""
         own = self.inward.T @ P @ self.inward
         reached = (1.0 - math.sqrt(shrink)) / self.sample_time
-        for part in _BACKED_OFF:
-            for bits in _DIGITS:
-                found = _certificate(
-                    self.set,
-                    decay=_floor(part * reached),
-                    matrices=_rounded(own, bits),
-                    exclusion=self.exclusion,
-                    **fields,
-                )
-                if found is not None:
-                    return found
+        # the reason against a common P is worth telling, but must not cost the certificate
+        reasons = (self.exclusion, None) if self.exclusion is not None else (None,)
+        for exclusion, part, bits in product(reasons, _BACKED_OFF, _DIGITS):
+            found = _certificate(
+                self.set,
+                decay=_floor(part * reached),
+                matrices=_rounded(own, bits),
+                exclusion=exclusion,
+                **fields,
+            )
+            if found is not None:
+                return found
         return None

@@ -89,9 +89,7 @@ def _values(shown: Interface) -> dict[str, bytes]:
     return {"identified.ssv": parameter_values("identified", shown, known)} if known else {}
 
 
-def _network_headers(
-    parameter_set: ParameterSet, proof: StabilityProof | None
-) -> tuple[str, dict[str, str]]:
+def _network_headers(parameter_set: ParameterSet, proof: StabilityProof | None) -> tuple[str, dict[str, str]]:
     """Return the unity file, and the headers of numbers.
 
     Models at the nodes are left out where the FMU can make them, of physical parameters or of local models.

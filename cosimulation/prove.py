@@ -153,8 +153,9 @@ def _refuse_other_guid(path: Path, parameter_set: ParameterSet, description: byt
     proofs = (None,) if parameter_set.certificate is None else (None, proved(parameter_set))
     model_hash = parameter_set.model_hash()
     known = {
-        interface(parameter_set, identifier, proof).guid(model_hash)
+        interface(parameter_set, identifier, naming, proof).guid(model_hash)
         for identifier in identifiers
+        for naming in ("flat", "structured")
         for proof in proofs
     }
     if root.get("guid") not in known:

@@ -12,6 +12,7 @@ from fmu_builder.fmi2 import DEFAULT_PLATFORMS
 from fmu_builder.llmn_fmu import build_llmn
 from fmu_builder.parameter_set import ParameterSet
 from fmus.wbm import build_wbm
+from identification.stability import proved
 
 _FMUS = Path(__file__).parent
 
@@ -80,7 +81,7 @@ def network(name: str) -> ParameterSet:
 def build(
     name: str, output: Path, platforms: Sequence[str] = DEFAULT_PLATFORMS, naming: str = "flat"
 ) -> Path:
-    """Build an FMU from what stands in its folder; nothing is identified anew.
+    """Build an FMU from what stands in its folder; nothing is identified anew, certificates are proved anew.
 
     Args:
         name: One of `NAMES`.
@@ -94,14 +95,16 @@ def build(
     Raises:
         SettingsError: There is no FMU of that name.
         ParameterSetError: Its files are damaged.
+        CertificateError: The certificate does not prove what it claims.
         BuildError: Unknown platform, or C code that does not compile.
         OutputError: `output` cannot be written.
     """
     if name == WHITE_BOX:
         return build_wbm(output, platforms, naming)
     card = (folder(name) / "README.md").read_bytes()
+    shown = network(name)
     pages = {"model_card.md": card}
-    return build_llmn(network(name), output, platforms, naming=naming, documentation=pages)
+    return build_llmn(shown, output, platforms, naming=naming, documentation=pages, proof=proved(shown))
 
 
 def rebuild(name: str) -> Path:

@@ -21,7 +21,7 @@ ALLOWED = {
         "fmu_builder.kernel",
         "fmu_builder.compiler",
     },
-    "fmus": {"fmus", "fmu_builder"},
+    "fmus": {"fmus", "fmu_builder", "identification.stability"},
     "cosimulation": {"cosimulation", "identification", "fmus", "fmu_builder"},
 }
 LIBRARIES_KEPT_OUT = {

@@ -44,7 +44,7 @@ _FLAGS = (
         "-Wno-unused-function",
     ),  # a unity build may leave functions of a library unused
 )
-_UNIX = ("-fPIC",)
+_LINUX = ("-fPIC", "-Wl,--hash-style=gnu")  # no second table of names: no loader needs both
 _WINDOWS = ("-lkernel32",)
 _MACOS = ("-fPIC", "-Wl,-undefined,dynamic_lookup", "-Wl,-install_name,@rpath/{output}")
 _INCLUDE_LINE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
@@ -72,9 +72,9 @@ class Target:
 
 
 TARGETS: Mapping[str, Target] = {
-    "linux64": Target("x86_64-linux-gnu.2.17", ".so", _UNIX, _HIDDEN_EXPORT),
-    "linux32": Target("x86-linux-gnu.2.17", ".so", _UNIX, _HIDDEN_EXPORT),
-    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so", _UNIX, _HIDDEN_EXPORT),
+    "linux64": Target("x86_64-linux-gnu.2.17", ".so", _LINUX, _HIDDEN_EXPORT),
+    "linux32": Target("x86-linux-gnu.2.17", ".so", _LINUX, _HIDDEN_EXPORT),
+    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so", _LINUX, _HIDDEN_EXPORT),
     "win64": Target("x86_64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
     "win32": Target("x86-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),
     "aarch64-windows": Target("aarch64-windows-gnu", ".dll", _WINDOWS, _WINDOWS_EXPORT),

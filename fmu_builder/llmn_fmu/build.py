@@ -75,7 +75,7 @@ def build_llmn(
         headers,
         output,
         platforms=platforms,
-        resources={"parameter_set.json": parameter_set.canonical_json().encode("utf-8"), **_values(shown)},
+        resources={"parameter_set.json": parameter_set.compact_json().encode("utf-8"), **_values(shown)},
         documentation={
             **(documentation or {}),
             "index.html": model_card(parameter_set, shown, proof).encode("utf-8"),

@@ -18,6 +18,16 @@ def canonical_json(content: Any) -> str:
     return _text(content, 0) + "\n"
 
 
+def compact_json(content: Any) -> str:
+    """Return `content` as `canonical_json` does, in one line without spaces: the same content in less room.
+
+    Raises:
+        ValueError: A number is not finite.
+    """
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":"))
+    return text + "\n"
+
+
 def _text(item: Any, depth: int) -> str:
     if isinstance(item, dict) and item:
         lines = [f"{_scalar(key)}: {_text(item[key], depth + 1)}" for key in sorted(item)]

@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from fmu_builder.errors import ParameterSetError
 from fmu_builder.files import write_text
-from fmu_builder.parameter_set.canonical import canonical_json
+from fmu_builder.parameter_set.canonical import canonical_json, compact_json
 from fmu_builder.parameter_set.checks import FORMAT, problems_of
 from fmu_builder.parameter_set.components import (
     DerivedOutput,
@@ -119,6 +119,10 @@ class ParameterSet(Part):
     def canonical_json(self) -> str:
         """Return the text of the file: canonical JSON, exact to the last bit."""
         return canonical_json(self.model_dump(mode="python"))
+
+    def compact_json(self) -> str:
+        """Return the same content in one line, for where every kilobyte counts."""
+        return compact_json(self.model_dump(mode="python"))
 
     def model_hash(self) -> str:
         """Return the SHA-256 (hex) over what the FMU computes with; see `model_hash`."""

@@ -90,7 +90,7 @@ def build_python_fmu(
         "documentation/index.html": index_page(shown).encode("utf-8"),
         **{f"documentation/{name}": text for name, text in licence_page().items()},
         "documentation/licenses/pythonfmu.txt": _licence(installed),
-        "resources/parameter_set.json": parameter_set.canonical_json().encode("utf-8"),
+        "resources/parameter_set.json": parameter_set.compact_json().encode("utf-8"),
         "resources/slavemodule.txt": module.encode("ascii"),
         f"resources/{module}.py": slave.replace(_IMPORT, f"from {network} import Network").encode("utf-8"),
         f"resources/{network}.py": arithmetic.encode("utf-8"),

@@ -80,7 +80,7 @@ def test_the_fmu_tells_its_scores(name: str) -> None:
     assert [tuple(record) for record in network.scores] == [FIELDS] * len(network.output_names)
     assert {(record["split"], record["recommended"]) for record in network.scores} == {("test", True)}
     inside = contents(fmus.path(name))
-    assert inside["resources/parameter_set.json"].decode() == network.canonical_json()
+    assert inside["resources/parameter_set.json"].decode() == network.compact_json()
     assert "<h2>Scores</h2>" in inside["documentation/index.html"].decode()
 
 

@@ -47,6 +47,13 @@ def test_every_finite_number_survives_the_text(number: float) -> None:
     assert [value.hex() for value in again] == [number.hex(), (-number).hex()]
 
 
+def test_the_compact_text_has_the_same_content() -> None:
+    parameter_set = networks.network(1)
+    text = parameter_set.compact_json()
+    assert json.loads(text) == json.loads(parameter_set.canonical_json())
+    assert text.count("\n") == 1 and len(text) < len(parameter_set.canonical_json())
+
+
 def test_the_text_is_canonical() -> None:
     assert canonical_json({"b": [1.0, 2.0], "a": {}}) == canonical_json({"a": {}, "b": (1.0, 2.0)})
     assert canonical_json({"b": [[0.1], []], "ä": None}) == '{\n "b": [\n  [0.1],\n  []\n ],\n "ä": null\n}\n'

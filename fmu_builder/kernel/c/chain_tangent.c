@@ -47,7 +47,7 @@ RARE void chain_continuous_tangent(
 }
 
 /* result = d(left right) */
-RARE CHAIN_ALONE void chain_product_tangent(
+static COLD void chain_product_tangent(
     double left[CHAIN_STATES][CHAIN_SIZE], double d_left[CHAIN_STATES][CHAIN_SIZE], double right[CHAIN_STATES][CHAIN_SIZE],
     double d_right[CHAIN_STATES][CHAIN_SIZE], double result[CHAIN_STATES][CHAIN_SIZE]) {
     double other[CHAIN_STATES][CHAIN_SIZE];
@@ -60,7 +60,7 @@ RARE CHAIN_ALONE void chain_product_tangent(
 }
 
 /* dx <- d exp(x): the series and the doublings of chain_exponential */
-RARE CHAIN_ALONE void chain_exponential_tangent(double x[CHAIN_STATES][CHAIN_SIZE], double dx[CHAIN_STATES][CHAIN_SIZE]) {
+static COLD void chain_exponential_tangent(double x[CHAIN_STATES][CHAIN_SIZE], double dx[CHAIN_STATES][CHAIN_SIZE]) {
     double sum[CHAIN_STATES][CHAIN_SIZE], product[CHAIN_STATES][CHAIN_SIZE];
     double d_sum[CHAIN_STATES][CHAIN_SIZE], d_product[CHAIN_STATES][CHAIN_SIZE];
     double norm = chain_norm(x, CHAIN_SIZE), factor = 1.0;
@@ -104,7 +104,7 @@ RARE CHAIN_ALONE void chain_exponential_tangent(double x[CHAIN_STATES][CHAIN_SIZ
 
 /* drive += weight (dA x + dB u) of the chain with coefficients c that change by d; u[0], the height, is left out as in a tick
    about a scheduled equilibrium */
-RARE CHAIN_ALONE void chain_add_drive(
+static COLD void chain_add_drive(
     const double *c, const double *d, double sample_time, double weight, const double *x, const double *u, double *drive) {
     double matrix[CHAIN_STATES][CHAIN_SIZE], d_matrix[CHAIN_STATES][CHAIN_SIZE];
     int i, j;
@@ -128,7 +128,7 @@ RARE CHAIN_ALONE void chain_add_drive(
 /* The change of the four outputs and of the weights at rest; the outputs are the first four states and rest. d_rest is what
    the static map changes by. state, scratch and tangent as for kernel_start_tangent. 1 = there is no derivative.
    (I - A) d_x = sum_a w_a (dA_a x + dB_a u); with kappa the schedule follows itself, as in kernel_start_tangent. */
-RARE CHAIN_ALONE int chain_start_tangent(
+static COLD int chain_start_tangent(
     const Tables *t, const ChainTables *chain, const double *head, const double *theta, const double *d_head,
     const double *d_theta, const double *d_rest, const double *state, const double *inputs, double *scratch,
     double *tangent, double *change) {

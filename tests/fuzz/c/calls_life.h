@@ -106,7 +106,7 @@ static void call_setup(Pair *pair)
     const double start = choice == 255 ? NAN : choice == 254 ? INFINITY : starts[choice % 8];
     const int has_stop = take_chance(3);
     const double stop = take_chance(5) ? start - 1.0 : start + 0.002 * (double)take() + 1e-3;
-    const int promise = !isfinite(start) || (has_stop && !(stop > start)) ? MUST_FAIL : MUST_WORK;
+    const int promise = !isfinite(start) || (has_stop && !(stop >= start)) ? MUST_FAIL : MUST_WORK;
     fmi2Status status;
     TELL(pair, BEFORE, promise, 0, SetupExperiment, (fmi2Boolean)(take() % 2), take_raw_double(), start, has_stop, stop);
     if (status == fmi2OK) {

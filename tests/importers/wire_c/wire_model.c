@@ -29,6 +29,19 @@ static const char *model_remark(const double *values)
     return 0;
 }
 
+static const char *model_alarm(const Model *model)
+{
+    (void)model;
+    return 0;
+}
+
+static void model_event_indicators(const Model *model, const double *values, double *indicators)
+{
+    (void)model;
+    (void)values;
+    (void)indicators;
+}
+
 static double model_sample_time(const Model *model)
 {
     (void)model;

@@ -63,7 +63,7 @@ def choose(data: ScaledData, settings: SubspaceSettings) -> Chosen:
     Raises:
         IdentificationError: Not exciting, no order to be seen, or no usable model at any length.
     """
-    known = 1 if settings.order == "auto" else settings.order
+    known = settings.least_order if settings.order == "auto" else settings.order
     given = settings.block_rows
     lengths = candidates(data, known, settings) if given == "auto" else [given]
     windows = _Windows(data, settings, max(lengths))
@@ -138,6 +138,9 @@ def _automatic_order(
         most = (block_rows - 1) * seen.outputs
         if settings.high_order is not None:
             most = min(most, settings.high_order - 1)
+        if order < settings.least_order:
+            why = f"not below least_order; the singular values show {order}: {why}"
+            order = settings.least_order
         if order > most:
             return most, f"as many as high_order and {block_rows} block rows leave of {order}", seen
         return order, why, seen

@@ -34,6 +34,9 @@ class SubspaceSettings(BaseModel):
     order: int | Literal["auto"] = Field(
         default="auto", description='number of states n, or "auto": from the singular values'
     )
+    least_order: int = Field(
+        default=1, ge=1, le=LARGEST_ORDER, description="order that an automatic one is not below"
+    )
     block_rows: int | Literal["auto"] = Field(
         default="auto",
         description='length s of past and future windows [samples], or "auto": by simulation error',

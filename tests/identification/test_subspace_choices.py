@@ -48,6 +48,22 @@ def test_order_of_lightly_damped_plant(factor: float) -> None:
     assert estimate([data], INPUTS, THREE_MASS_OUTPUTS).order == 6
 
 
+def test_an_automatic_order_is_not_below_a_least_one() -> None:
+    data = asymmetric_data(4, 6000)
+    data = with_measurement_noise(
+        data, {name: 0.1 * data.column(name).std() for name in ("angle", "speed")}, 4
+    )
+    model = estimate([data], *NAMES, SubspaceSettings(least_order=7))
+    assert model.order == 7
+    first = model.diagnostics["choices"][0]
+    assert (first["name"], first["value"]) == ("order", 7)
+    assert first["reason"].startswith(
+        "not below least_order; the singular values show 5: the last clear drop"
+    )
+    assert estimate([data], *NAMES, SubspaceSettings(least_order=4)).order == 5
+    assert estimate([data], *NAMES, SubspaceSettings(least_order=7, order=4)).order == 4
+
+
 def test_rule_of_the_order() -> None:
     assert clear_order(np.array([1e6, 1e5, 1e4, 1e-1, 1e-2]), 0.5)[0] == 3
     # a weak but clear state after a larger drop: the last drop of at least half the largest counts

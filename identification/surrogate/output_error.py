@@ -17,6 +17,9 @@ from identification.surrogate.chain import INPUT_NAMES
 from identification.surrogate.least_squares import Iteration, minimise
 from identification.surrogate.problem import Free, NetworkParameters, OutputErrorProblem
 
+_DAMPING = 1e-6
+"""The first one: the search begins near the optimum."""
+
 
 class OutputErrorSettings(BaseModel):
     """How theta is tuned by output error.
@@ -24,7 +27,9 @@ class OutputErrorSettings(BaseModel):
     Attributes:
         enabled: False leaves theta as the frequency response gives it.
         iterations: Most Levenberg-Marquardt steps, of every stage.
-        tolerance: The search ends when a step lowers the cost by less than this fraction.
+        tolerance: The search ends when a step lowers the cost by less than this fraction ...
+        precision: ... and the optimum is nearer than this fraction of the standard errors, in the mean square
+            over all parameters, as far as the data tell.
         largest_step: Largest change of a parameter in one step, in natural log.
         contact_force_weight: Q_Fp of eq. 3.39.
         stages: Numbers of local models of networks tuned one after the other, each from the one before; the
@@ -37,6 +42,7 @@ class OutputErrorSettings(BaseModel):
     enabled: bool = True
     iterations: int = Field(30, ge=1)
     tolerance: float = Field(1e-4, gt=0.0)
+    precision: float = Field(0.03, gt=0.0)
     largest_step: float = Field(1.5, gt=0.0)
     contact_force_weight: float = Field(1.0, gt=0.0)
     stages: tuple[int, ...] = ()
@@ -93,6 +99,10 @@ def fit_output_error(
         settings.iterations,
         settings.tolerance,
         settings.largest_step,
+        damping=_DAMPING,
+        precision=settings.precision,
+        relative=problem.linear,
+        moved=problem.moved,
     )
     return OutputErrorFit(
         parameters=problem.from_search(minimum.x, start),

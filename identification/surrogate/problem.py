@@ -34,6 +34,9 @@ _OFFSET_SIZES = np.array([one.size for one in OFFSETS])
 _WARP_STEP = 1e-5
 """Of the central differences of the weights, smooth functions of the warp."""
 
+_STRETCHES = 50
+"""Of all data, whose gradients count as independent when the search asks how sure it is."""
+
 Free = Literal["all", "offsets", "schedule"]
 """What may move: everything, the affine offsets only, or only how theta is blended (warp and kappa)."""
 
@@ -209,6 +212,20 @@ class OutputErrorProblem:
             float(schedule[-1]) if self.gain_free else fixed.gain,
         )
 
+    @property
+    def linear(self) -> Array:
+        """One for the entries of theta that are searched without a logarithm, else zero."""
+        own = [*self.structure.linear, *np.zeros(len(OFFSETS) * self.affine)]
+        return np.concatenate([np.tile(own, self.local_models), np.zeros(self.schedule_size)])
+
+    def moved(self, search: Array, step: Array) -> Array:
+        """Return the search vector moved by a step, theta along the curves of `Structure.moved`."""
+        ends = np.asarray(search + step)
+        size, count = search.size - self.schedule_size, len(self.structure.parameters)
+        rows, steps = (one[:size].reshape(self.local_models, -1)[:, :count] for one in (search, step))
+        ends[:size].reshape(self.local_models, -1)[:, :count] = self.structure.moved(rows, steps)
+        return ends
+
     def possible(self, parameters: NetworkParameters) -> bool:
         """Whether the warped height rises over the whole range."""
         return self.blend is None or warp_rises(parameters.warp, self.blend.reach)
@@ -285,15 +302,18 @@ class OutputErrorProblem:
             free: `schedule`: only with respect to warp and kappa, the rest being zero.
         """
         models = self.models(parameters, True, free)
-        passes = [run(models, one, self.observation, sensitivities=True) for one in self.experiments]
+        rows = max(1, self.rows // _STRETCHES)
+        passes = [run(models, one, self.observation, block_rows=rows) for one in self.experiments]
         gradient = np.sum([one.gradient for one in passes], axis=0)
         gram = np.sum([one.gram for one in passes], axis=0)
         sizes = self.column_sizes()
+        scores = np.concatenate([one.blocks for one in passes])
         if gradient.size < sizes.size:
             ahead = sizes.size - gradient.size
             gradient, gram = np.pad(gradient, (ahead, 0)), np.pad(gram, ((ahead, 0), (ahead, 0)))
+            scores = np.pad(scores, ((0, 0), (ahead, 0)))
         return NormalEquations(
-            sum(one.cost for one in passes), gradient * sizes, gram * np.outer(sizes, sizes)
+            sum(one.cost for one in passes), gradient * sizes, gram * np.outer(sizes, sizes), scores * sizes
         )
 
     def simulate(self, parameters: NetworkParameters, experiment: Experiment) -> Array:

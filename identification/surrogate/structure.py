@@ -117,6 +117,11 @@ class Structure:
         pairs = np.array([parameter.start_bounds for parameter in self.parameters])
         return pairs[:, 0].copy(), pairs[:, 1].copy()
 
+    @property
+    def linear(self) -> Array:
+        """One for the parameters searched without a logarithm, else zero, (P,)."""
+        return np.array([float(parameter.scaling == "linear") for parameter in self.parameters])
+
     def to_search(self, theta: Array) -> Array:
         """Return the search coordinates (..., P) of parameters (..., P), moved into the bounds."""
         lower, upper = self.bounds
@@ -151,6 +156,33 @@ class Structure:
             shares: Weight of each at K places, (K, M); rows sum to 1 but may be negative.
         """
         return self.from_search(shares @ self.to_search(theta))
+
+    def moved(self, search: Array, step: Array) -> Array:
+        """Return search coordinates (..., P) moved by a step, along the curve on which little changes.
+
+        Of a lower mass that hardly reacts upon the upper one, only (k_L + k_W) / m_M, (c_L + c_W) / m_M and
+        k_L b_M / m_M are to be seen. Where k_W and c_W are searched without a logarithm, the valley in which
+        the first two stay as they are is curved; a straight step would leave it. Bounds are left to the
+        caller.
+
+        Args:
+            search: Where, inside the bounds.
+            step: Tangent to the curve, (..., P).
+        """
+        ends = np.asarray(search + step)
+        at = {name: index for index, name in enumerate(self.names)}
+        for wall, link in (("k_W", "k_L"), ("c_W", "c_L")):
+            parameter = self.parameters[at[wall]]
+            if parameter.scaling != "linear":
+                continue
+            mass, upper = np.exp(search[..., at["m_M"]]), np.exp(search[..., at[link]])
+            rate = (upper + search[..., at[wall]] * parameter.size) / mass
+            change = (upper * step[..., at[link]] + step[..., at[wall]] * parameter.size) / mass
+            rate = rate + change - rate * step[..., at["m_M"]]
+            with np.errstate(over="ignore"):
+                total = np.exp(ends[..., at["m_M"]]) * rate - np.exp(ends[..., at[link]])
+            ends[..., at[wall]] = total / parameter.size
+        return ends
 
     def slope(self, theta: Array) -> Array:
         """Return d theta / d search coordinate, (..., P): theta itself for `log`."""

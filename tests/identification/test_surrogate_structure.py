@@ -243,3 +243,28 @@ def test_the_documents_draw_every_structure() -> None:
         if "    chain" in line
     }
     assert drawn == {name: structure.diagram for name, structure in STRUCTURES.items()}
+
+
+@EVERY
+def test_a_step_along_the_curve_is_tangent(structure: Structure) -> None:
+    search = structure.to_search(np.stack([theta_inside(structure, seed) for seed in (4, 5)]))
+    step = np.random.default_rng(8).normal(size=search.shape)
+    change = (structure.moved(search, 1e-6 * step) - structure.moved(search, -1e-6 * step)) / 2e-6
+    np.testing.assert_allclose(change, step, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(structure.moved(search, np.zeros_like(step)), search, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["chain8", "chain9"])
+def test_along_the_curve_the_lower_mass_keeps_its_frequency(name: str) -> None:
+    structure = STRUCTURES[name]
+    theta = theta_inside(structure, 4)
+    m, k, c, wall, damper = (structure.names.index(one) for one in ("m_M", "k_L", "c_L", "k_W", "c_W"))
+    step = np.zeros(len(theta))
+    step[m] = 0.5
+    for total, at in ((theta[k] + theta[wall], wall), (theta[c] + theta[damper], damper)):
+        step[at] = 0.5 * total / structure.parameters[at].size
+    found = structure.from_search(structure.moved(structure.to_search(theta), step))
+    for one, other in ((k, wall), (c, damper)):
+        before, after = ((x[one] + x[other]) / x[m] for x in (theta, found))
+        assert after == pytest.approx(before, rel=1e-12)
+    assert found[m] == pytest.approx(theta[m] * np.exp(0.5), rel=1e-12)

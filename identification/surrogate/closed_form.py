@@ -1,8 +1,11 @@
-"""A start of theta without iteration over theta and without random numbers, from a local black-box model.
+"""Starts of theta without iteration over theta and without random numbers, from a local black-box model.
 
-What hangs on the head is one dynamic stiffness, Z = (k_C + c_C s) (G_xi - G_zeta) / G_zeta of the eta column,
-a rational function of order 4/2 whose coefficients give the chain's one after the other; the forces of the
-torque then follow by linear least squares.
+What hangs on the head is one dynamic stiffness Z = n(s) / d(s) of order 4/2, moved by what the torque does to
+it, q(s) / d(s): with the force of the head spring F = (k_C + c_C s) (G_xi - G_zeta),
+
+    eta column: d F = n G_zeta,    torque column: d F = n G_zeta - q,
+
+linear in the coefficients of n, d and q, which give the chain's one after the other.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ ComplexArray = npt.NDArray[np.complex128]
 
 _UNIT = 100.0
 """p = s / 100: the coefficients of the rational function come to one size."""
+_MASSES = np.geomspace(0.5, 150.0, 10)
+"""m_M [kg] to begin with where the lower mass hardly reacts upon the upper one."""
 _PASSES = 12
 """Passes of Sanathanan and Koerner (1963): each weights by the denominator of the one before."""
 
@@ -54,68 +59,80 @@ def continuous_response(model: LocalModel, frequencies: Array) -> ComplexArray |
     return response + model.D[rows][:, columns]
 
 
-def closed_form(
+def closed_forms(
     response: ComplexArray, frequencies: Array, head: Head, weights: Array | None = None
-) -> dict[str, float] | None:
-    """Return the coefficients of chain9 by name, SI units, from a continuous-time frequency response.
+) -> tuple[dict[str, float], ...]:
+    """Return coefficients of chain9 by name, SI units, from a continuous-time frequency response.
+
+    The first ones have n and d exactly. What the lower mass does to the upper one may be too small to be told
+    from errors of the response; m_M is nothing then. The others therefore take m_M as given, one of several,
+    and c_H as zero, and have everything else that shows.
 
     Args:
         response: G from eta, M_pa to `OUTPUT_NAMES`, (F, 4, 2).
         frequencies: f, Hz, (F,).
         head: The collector head.
-        weights: Weight of each entry in the torque's least squares, (F, 4, 2); default equal.
+        weights: Weight of each entry, (F, 4, 2); of zeta's, the torque's against eta's is used. Default:
+            both columns count the same.
 
     Returns:
-        The coefficients, None where the response is not that of a chain: a mass, or the stiffness between the
+        The coefficients, none where the response is not that of a chain: a mass, or the stiffness between the
         masses, would not be positive.
     """
     s: ComplexArray = np.asarray(2j * np.pi * frequencies)
-    suspension = head.k_C + s * head.c_C
-    xi, zeta = response[:, 0, 0], response[:, 2, 0]
+    zeta = response[:, 2]
+    force = (head.k_C + s * head.c_C)[:, None] * (response[:, 0] - zeta)
     with np.errstate(all="ignore"):
-        stiffness = suspension * (xi - zeta) / zeta
-        fitted = _rational(stiffness, s / _UNIT, np.abs(zeta))
-        if fitted is None:
-            return None
-        values = _coefficients(*fitted)
-    if values is None:
-        return None
-    levers = _levers(values, response[:, :, 1], s, head, None if weights is None else weights[:, :, 1])
-    return {**values, **levers} if all(map(np.isfinite, levers.values())) else None
+        if weights is None:
+            share = np.full(len(s), np.linalg.norm(zeta[:, 0]) / np.linalg.norm(zeta[:, 1]))
+        else:
+            share = weights[:, 2, 1] / weights[:, 2, 0]
+        fitted = _rational(force, zeta, s / _UNIT, share)
+        if fitted is None or not fitted[0][4] > 0.0:
+            return ()
+        found = (*_exact(*fitted), *_with_given_mass(*fitted))
+    return tuple(one for one in found if all(map(np.isfinite, one.values())))
 
 
-def _rational(values: ComplexArray, p: ComplexArray, weight: Array) -> tuple[Array, Array] | None:
-    """Return n (5,) and d (2,), ascending in s, of (n4 s^4 + ... + n0) / (s^2 + d1 s + d0).
+def _rational(
+    force: ComplexArray, zeta: ComplexArray, p: ComplexArray, share: Array
+) -> tuple[Array, Array, Array] | None:
+    """Return n (5,), d (2,) and q (3,), ascending in s; d has a one at s^2.
 
     Args:
-        values: What the function should be, (F,).
+        force: F, (F, 2).
+        zeta: G_zeta, (F, 2).
         p: s over its unit, (F,).
-        weight: Relative weight of each value, (F,).
+        share: Weight of the torque column against the eta column, (F,).
     """
-    if not np.all(np.isfinite(values)):
+    powers, none = p[:, None] ** np.arange(5), np.zeros((len(p), 3))
+    columns = [
+        np.hstack([powers * zeta[:, [k]], -powers[:, :2] * force[:, [k]], -powers[:, :3] if k else none])
+        for k in (0, 1)
+    ]
+    matrix = np.vstack([columns[0], columns[1] * share[:, None]])
+    right = np.concatenate([force[:, 0] * p**2, force[:, 1] * p**2 * share])
+    if not np.all(np.isfinite(matrix)) or not np.all(np.isfinite(right)):
         return None
-    numerator, denominator = p[:, None] ** np.arange(5), p[:, None] ** np.arange(2)
-    matrix = np.hstack([numerator, -values[:, None] * denominator])
-    right, scale = values * p**2, np.ones(len(p))
-    solution = np.zeros(7)
+    solution, scale = np.zeros(10), np.ones(len(right))
     for _ in range(_PASSES):
-        rows, aim = matrix * (weight * scale)[:, None], right * weight * scale
+        rows, aim = matrix * scale[:, None], right * scale
         stacked = np.vstack([rows.real, rows.imag])
         size = np.linalg.norm(stacked, axis=0)
         if not np.all(np.isfinite(size)) or not np.all(size > 0.0):
             return None
         found = scipy.linalg.lstsq(stacked / size, np.concatenate([aim.real, aim.imag]))[0]
         solution = found / size
-        scale = 1.0 / np.abs(p**2 + solution[6] * p + solution[5])
+        scale = np.tile(1.0 / np.abs(p**2 + solution[6] * p + solution[5]), 2)
     unit = _UNIT ** -np.arange(5.0) * _UNIT**2
-    return solution[:5] * unit, solution[5:] * np.array([_UNIT**2, _UNIT])
+    return solution[:5] * unit, solution[5:7] * np.array([_UNIT**2, _UNIT]), solution[7:] * unit[:3]
 
 
-def _coefficients(n: Array, d: Array) -> dict[str, float] | None:
-    """Return the chain's coefficients from Z = n(s) / d(s), None where they are not those of a chain.
+def _exact(n: Array, d: Array, q: Array) -> list[dict[str, float]]:
+    """Return the chains with n and d, none where there are none.
 
     With m_H = n4 the other coefficients leave one quadratic equation for k_L. Two chains may have the same Z;
-    the one that needs the smaller damper to ground is taken.
+    the one that needs the smaller damper to ground comes first.
     """
     m_H = n[4]
     total = n[3] - m_H * d[1]  # c_H + c_L
@@ -132,13 +149,32 @@ def _coefficients(n: Array, d: Array) -> dict[str, float] | None:
     for k_L in _real_roots(quadratic):
         m_M = k_L / (d[0] - n[0] / k_L)
         c_L = 0.5 * (d[1] - mixed / k_L) * m_M
-        values = {
-            **{"m_H": m_H, "m_M": m_M, "k_L": k_L, "c_L": c_L, "k_W": d[0] * m_M - k_L},
-            **{"c_W": d[1] * m_M - c_L, "c_H": total - c_L},
-        }
-        if all(map(np.isfinite, values.values())) and min(m_H, m_M, k_L) > 0.0:
-            found.append({name: float(value) for name, value in values.items()})
-    return min(found, key=lambda one: abs(one["c_H"]), default=None)
+        if min(m_M, k_L) > 0.0:
+            found.append(_chain(m_H, m_M, k_L, c_L, d, q) | {"c_H": float(total - c_L)})
+    return sorted(found, key=lambda one: abs(one["c_H"]))
+
+
+def _with_given_mass(n: Array, d: Array, q: Array) -> list[dict[str, float]]:
+    """Return chains without a damper to ground, one for each of `_MASSES`."""
+    m_H = n[4]
+    c_L = n[3] - m_H * d[1]
+    stiffness = n[2] - m_H * d[0] - c_L * d[1]  # k_L - c_L^2 / m_M
+    found = [(m_M, stiffness + c_L**2 / m_M) for m_M in _MASSES]
+    return [_chain(m_H, m_M, k_L, c_L, d, q) | {"c_H": 0.0} for m_M, k_L in found if k_L > 0.0]
+
+
+def _chain(m_H: float, m_M: float, k_L: float, c_L: float, d: Array, q: Array) -> dict[str, float]:
+    """Return all coefficients but c_H: the wall's from d, those of the torque from q."""
+    values = {
+        "m_H": m_H,
+        "m_M": m_M,
+        "k_L": k_L,
+        "c_L": c_L,
+        "k_W": d[0] * m_M - k_L,
+        "c_W": d[1] * m_M - c_L,
+    }
+    values |= {"b_M": (q[0] - q[2] * d[0]) * m_M / k_L, "b_H": q[2]}
+    return {name: float(value) for name, value in values.items()}
 
 
 def _real_roots(quadratic: Array) -> tuple[float, ...]:
@@ -146,24 +182,3 @@ def _real_roots(quadratic: Array) -> tuple[float, ...]:
     if not np.all(np.isfinite(quadratic)):
         return ()
     return tuple(float(root) for root in set(np.roots(quadratic).real) if root != 0.0)
-
-
-def _levers(
-    v: dict[str, float], column: ComplexArray, s: ComplexArray, head: Head, weights: Array | None
-) -> dict[str, float]:
-    """Return b_M and b_H by linear least squares on the response to the torque, (F, 4)."""
-    suspension, spring = head.k_C + s * head.c_C, v["k_L"] + s * v["c_L"]
-    dynamic = np.zeros((len(s), 3, 3), dtype=complex)
-    dynamic[:, 0, 0] = head.m_C * s**2 + suspension + head.k_E
-    dynamic[:, 1, 1] = v["m_H"] * s**2 + v["c_H"] * s + suspension + spring
-    dynamic[:, 2, 2] = v["m_M"] * s**2 + v["c_W"] * s + v["k_W"] + spring
-    dynamic[:, 0, 1] = dynamic[:, 1, 0] = -suspension
-    dynamic[:, 1, 2] = dynamic[:, 2, 1] = -spring
-    moved = np.linalg.inv(dynamic)[:, :2, :][:, :, [2, 1]]  # xi, zeta per force on m_M, on m_H
-    parts = np.stack([moved[:, 0], s[:, None] * moved[:, 0], moved[:, 1], s[:, None] * moved[:, 1]], axis=1)
-    factor = np.ones(column.shape) if weights is None else weights
-    matrix, aim = (parts * factor[:, :, None]).reshape(-1, 2), (column * factor).ravel()
-    b_M, b_H = scipy.linalg.lstsq(
-        np.vstack([matrix.real, matrix.imag]), np.concatenate([aim.real, aim.imag])
-    )[0]
-    return {"b_M": float(b_M), "b_H": float(b_H)}

@@ -20,7 +20,7 @@ from fmu_builder.errors import IdentificationError
 from identification.arrays import Array
 from identification.local_model import LocalModel
 from identification.surrogate.chain import INPUT_NAMES, OUTPUT_MATRIX, OUTPUT_NAMES, Head, LocalDynamics
-from identification.surrogate.closed_form import closed_form, continuous_response
+from identification.surrogate.closed_form import closed_forms, continuous_response
 from identification.surrogate.least_squares import Minimum, NormalEquations, minimise
 from identification.surrogate.structure import Structure
 
@@ -36,7 +36,8 @@ class FrequencyResponseSettings(BaseModel):
         lowest: Lowest frequency, Hz.
         highest: Highest frequency, Hz.
         count: Frequencies, equally spaced in log.
-        start: `closed form` takes random starts only where the closed form fails; `random` leaves it out.
+        start: `closed form` begins at the closed form nearest to the response; the others and random starts
+            follow only where it fails. `random` leaves closed forms out.
         random_starts: Starts drawn within the usual values of the structure's parameters.
         largest_error: Relative error above which the closed form counts as failed.
         seed: Seed of the random starts.
@@ -76,8 +77,8 @@ class FrequencyResponseFit:
         theta: Parameters, (P,), in the order of the structure.
         relative_error: Weighted norm of the difference over that of the response fitted to.
         at_bound: Parameters at a bound, with `lower` or `upper`.
-        best_start: Name of the first start that led to the lowest cost: that of an extra start, `closed form`
-            or `random K`.
+        best_start: Name of the first start that led to the lowest cost: that of an extra start, `closed
+            form`, `closed form K` or `random K`. A start that led to a stable chain goes first.
         costs: Final cost of every start, by name.
         agreed: How many of them ended at the lowest cost.
         fallback: Why random starts were needed, empty if they were not.
@@ -94,7 +95,8 @@ class FrequencyResponseFit:
     @property
     def start(self) -> str:
         """`closed form`, `random`, or the name of an extra start: what led to theta."""
-        return "random" if self.best_start.startswith("random") else self.best_start
+        kinds = ("random", CLOSED_FORM)
+        return next((kind for kind in kinds if self.best_start.startswith(kind)), self.best_start)
 
     @property
     def account(self) -> str:
@@ -185,15 +187,16 @@ def fit_frequency_response(
     weights = response_weights(response, spectrum, frequencies)
     problem = _ResponseProblem(response, weights, structure, head, model.sample_time, frequencies)
     starts = {name: structure.to_search(theta) for name, theta in (extra_starts or {}).items()}
-    solved = None
-    if settings.start == "closed form":
-        continuous = continuous_response(model, frequencies)
-        solved = None if continuous is None else closed_form(continuous, frequencies, head, weights)
-        if solved is not None:
-            starts[CLOSED_FORM] = structure.to_search(structure.from_coefficients(solved, head))
+    others: list[Array] = []
+    if settings.start == CLOSED_FORM:
+        others = _closed_forms(problem, model)
+        if others:
+            starts[CLOSED_FORM] = others[0]
     minima = {name: _searched(problem, start, settings) for name, start in starts.items()}
     fallback = _doubt(problem, minima.get(CLOSED_FORM), settings)
     if fallback:
+        for index, start in enumerate(others[1:]):
+            minima[f"{CLOSED_FORM} {index + 2}"] = _searched(problem, start, settings)
         generator = np.random.default_rng(settings.seed)
         lower, upper = structure.start_bounds
         for index in range(settings.random_starts):
@@ -203,6 +206,7 @@ def fit_frequency_response(
     if not finite:
         what = "no start of the frequency-response fit gives a finite cost"
         raise IdentificationError.of(structure.name, what, "Check the local model and the excitation")
+    finite = [name for name in finite if problem.stable(minima[name].x)] or finite
     lowest = min(minima[name].cost for name in finite)
     within = lowest * (1.0 + settings.agreement) + 1e-12 * problem.size
     best = next(name for name in finite if minima[name].cost <= within)
@@ -218,6 +222,18 @@ def fit_frequency_response(
     )
 
 
+def _closed_forms(problem: _ResponseProblem, model: LocalModel) -> list[Array]:
+    """Return search coordinates of the closed forms, the best first."""
+    continuous = continuous_response(model, problem.frequencies)
+    if continuous is None:
+        return []
+    structure = problem.structure
+    found = closed_forms(continuous, problem.frequencies, problem.head, problem.weights)
+    starts = [structure.to_search(structure.from_coefficients(one, problem.head)) for one in found]
+    costs = [problem.cost(one) for one in starts]
+    return [starts[index] for index in np.argsort(costs, kind="stable")]
+
+
 def _searched(problem: _ResponseProblem, start: Array, settings: FrequencyResponseSettings) -> Minimum:
     return minimise(
         problem.cost,
@@ -227,6 +243,8 @@ def _searched(problem: _ResponseProblem, start: Array, settings: FrequencyRespon
         settings.iterations,
         tolerance=1e-7,
         largest_step=1.5,
+        relative=problem.structure.linear,
+        moved=problem.structure.moved,
     )
 
 
@@ -239,6 +257,8 @@ def _doubt(problem: _ResponseProblem, found: Minimum | None, settings: Frequency
     error = float(np.sqrt(found.cost / problem.size))
     if error > settings.largest_error:
         return f"the closed form leads to a relative error of {error:.2g}"
+    if not problem.stable(found.x):
+        return "the closed form leads to an unstable chain"
     held = problem.structure.at_bound(problem.structure.from_search(found.x))
     return f"the closed form leads to a bound of {', '.join(held)}" if held else ""
 
@@ -274,6 +294,11 @@ class _ResponseProblem:
         theta = self.structure.from_search(search)
         dynamics = self.structure.discretise(theta, self.head, self.sample_time, derivatives=False)
         return float(np.sum(np.abs(self._residual(self._resolvent(dynamics), dynamics)) ** 2))
+
+    def stable(self, search: Array) -> bool:
+        """Return whether the chain comes to rest."""
+        poles = np.linalg.eigvals(self.structure.continuous(self.structure.from_search(search), self.head)[0])
+        return bool(poles.real.max() < 0.0)
 
     def normal_equations(self, search: Array) -> NormalEquations:
         """Return cost, J'r and J'J; dG = C (zI - A)^-1 (dA (zI - A)^-1 B + dB)."""

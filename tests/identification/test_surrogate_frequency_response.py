@@ -142,7 +142,8 @@ def test_random_starts_are_only_drawn_where_the_closed_form_fails() -> None:
     outside = PLANT * np.array([0.4, 1, 1, 1, 1, 1, 1])  # m_H 3.2 kg, below its bound
     found = fit(black_box(outside))
     assert "bound of m_H" in found.fallback or "relative error" in found.fallback
-    assert list(found.costs) == ["closed form", "random 1", "random 2"]
+    forms = [f"closed form {index}" for index in range(2, len(found.costs) - 1)]
+    assert list(found.costs) == ["closed form", *forms, "random 1", "random 2"] and forms
     noise = np.random.default_rng(2).normal(size=(6, 6)) * 0.3
     strange = replace(
         black_box(PLANT), A=-0.5 * np.eye(6) + 0.01 * noise
@@ -192,6 +193,22 @@ def test_the_fallback_finds_the_best_chain_of_a_bad_local_model(seed: int) -> No
     assert found.fallback and found.starts >= 10
     others = fit(bad, "chain8", head, random_starts=20, start="random", seed=5)
     assert found.relative_error <= others.relative_error * (1.0 + SETTINGS.agreement)
+
+
+def test_a_stable_chain_goes_before_an_unstable_one() -> None:
+    structure = STRUCTURES["chain8"]
+    falling = np.array([8.0, 14.0, 2500.0, 2.0, 3.3, 0.2, 1200.0, -40.0])
+    assert np.linalg.eigvals(structure.continuous(falling, HEAD)[0]).real.max() > 0.0
+    resting = falling * [1, 1, 1, 1, 1, 1, 1, -1]
+    settings = SETTINGS.model_copy(update={"iterations": 1, "random_starts": 0})
+    found = fit_frequency_response(
+        *(black_box(falling, name="chain8"), spectrum(settings.frequencies()), structure, HEAD),
+        settings,
+        {"resting": resting},
+    )
+    assert "unstable" in found.fallback and found.best_start == "resting"
+    assert found.costs["resting"] > found.costs["closed form"]
+    assert np.linalg.eigvals(structure.continuous(found.theta, HEAD)[0]).real.max() < 0.0
 
 
 def test_gradient_and_gauss_newton_matrix_against_differences() -> None:

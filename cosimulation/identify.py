@@ -231,7 +231,10 @@ def identify_from_folder(settings: IdentifySettings, reporter: Reporter = SILENT
     training = [item.data for item in data.select("operating_point", "train")]
     static_map, before = _static_map(settings, data)
     reporter.say(f"identifying the local models of {settings.name}")
-    local = identify(training, settings.n4sid, static_map, settings.descriptions)
+    chosen = settings.n4sid
+    if settings.method == "surrogate":
+        chosen = surrogates.local_model_settings(chosen)
+    local = identify(training, chosen, static_map, settings.descriptions)
     physical: surrogates.SurrogateResult | None = None
     if settings.method == "surrogate":
         reporter.say("fitting physical parameters")

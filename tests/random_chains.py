@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,10 +11,17 @@ from identification.arrays import Array
 from identification.data_set import DataSet
 from identification.excitation import operating_point_inputs, with_measurement_noise
 from identification.static_map import StaticMap
-from identification.subspace import SubspaceSettings
-from identification.surrogate import SIGNALS, Head, SurrogateResult, SurrogateSettings, identify
-from identification.surrogate.certainty import Certainty, certainty
-from identification.surrogate.output_error import OutputErrorSettings, fit_output_error
+from identification.surrogate import (
+    SIGNALS,
+    Head,
+    OutputErrorProblem,
+    SurrogateResult,
+    SurrogateSettings,
+    identify,
+    local_model_settings,
+)
+from identification.surrogate.certainty import certainty
+from identification.surrogate.output_error import fit_output_error
 from identification.surrogate.problem import NetworkParameters
 from identification.surrogate.structure import STRUCTURES
 
@@ -24,22 +31,18 @@ HEIGHT, TORQUE = 1.5, 1310.9
 NOISE = {"xi": 1e-5, "xi_dot": 1e-3, "zeta": 1e-5, "zeta_dot": 1e-3}
 OUTPUTS = tuple(NOISE)
 UNITS = ("m", "m/s", "m", "m/s")
-_SCALE = np.array([15.5, 35.0, 210.0, 8000.0])
-_HEAVIEST = 42.0
-TIGHT = OutputErrorSettings(iterations=300, tolerance=1e-10)
+SCALE = np.array([15.5, 35.0, 210.0, 8000.0])
+"""m_H, m_M [kg], k_L, k_W [N/m]: means over the four local models of Table 4.3."""
 
 
 def random_chain(seed: int) -> Array:
     """A chain8: masses and stiffnesses log-uniform within a factor of three of Table 4.3's scale.
 
     Each damper of the lower framework has a damping ratio of 0.02 to 0.2 with the stiffness and the mass
-    beside it. Masses near their bound of 50 kg are drawn again: at a bound there is no standard error. b_H
-    stays away from zero, where nothing is relative.
+    beside it. b_H stays away from zero, where nothing is relative.
     """
     generator = np.random.default_rng(seed)
-    m_H = m_M = _HEAVIEST
-    while max(m_H, m_M) >= _HEAVIEST:
-        m_H, m_M, k_L, k_W = _SCALE * 3.0 ** generator.uniform(-1.0, 1.0, 4)
+    m_H, m_M, k_L, k_W = SCALE * 3.0 ** generator.uniform(-1.0, 1.0, 4)
     upper, lower = generator.uniform(0.02, 0.2, 2)
     c_L, c_W = 2.0 * upper * np.sqrt(k_L * m_H), 2.0 * lower * np.sqrt(k_W * m_M)
     b_H = generator.choice([-1.0, 1.0]) * generator.uniform(0.05, 0.5)
@@ -58,8 +61,8 @@ def static_map(theta: Array) -> StaticMap:
     return StaticMap(positions, np.outer(positions, gain(theta)[:, 0]), OUTPUTS)
 
 
-def recorded(theta: Array, seed: int, duration: float, noise_seed: int | None = None) -> DataSet:
-    """Operating-point data of the plant by the acceptance recipe; forces follow the noisy motion."""
+def recorded(theta: Array, seed: int, duration: float) -> DataSet:
+    """Operating-point data of the plant by the acceptance recipe, without noise."""
     inputs = operating_point_inputs(HEIGHT, seed, duration=duration)
     dynamics = CHAIN.discretise(theta, HEAD, 1e-3, derivatives=False)
     u = inputs.matrix(("eta", "M_pa")) - [0.0, TORQUE]
@@ -68,25 +71,38 @@ def recorded(theta: Array, seed: int, duration: float, noise_seed: int | None = 
     for k, row in enumerate(u):
         rows[k] = x[: len(OUTPUTS)]
         x = dynamics.A @ x + dynamics.B @ row
-    data = inputs.with_columns(OUTPUTS, UNITS, rows)
-    if noise_seed is not None:
-        data = with_measurement_noise(data, NOISE, seed, (1, noise_seed))
+    return with_forces(inputs.with_columns(OUTPUTS, UNITS, rows))
+
+
+def with_forces(data: DataSet) -> DataSet:
+    """The data with the head's forces, which follow the motion as measured."""
     xi, xi_dot, zeta, zeta_dot = data.matrix(OUTPUTS).T
     crossbar = HEAD.k_C * (zeta - xi) + HEAD.c_C * (zeta_dot - xi_dot)
     forces = np.column_stack([crossbar, HEAD.k_E * (xi - data.column("eta"))])
     return data.with_columns(SIGNALS[4:], ("N", "N"), forces)
 
 
-def identified(theta: Array, data: DataSet) -> SurrogateResult:
-    """The whole way from data to theta: n4sid, closed form, frequency response, output error.
+def noisy(data: DataSet, seed: int, noise_seed: int) -> DataSet:
+    """Data of `recorded` as measured with noise."""
+    return with_forces(
+        with_measurement_noise(data.select(("eta", "M_pa", *OUTPUTS)), NOISE, seed, (1, noise_seed))
+    )
 
-    The order is given, as it is known of three masses: noise hides weak modes, and an order that is read from
-    singular values then leaves them out.
+
+def identified(theta: Array, data: DataSet, standard_errors: bool = False) -> SurrogateResult:
+    """The whole way from data to theta as a user has it: nothing is set, nothing of theta is known.
+
+    Local model, closed form, frequency response, output error. The static map is that of the plant: an LTI
+    plant at one height shows no other, and statics are no part of theta.
     """
-    chosen = n4sid.N4sidSettings(local_models=1, subspace=SubspaceSettings(order=6, block_rows=100))
+    chosen = local_model_settings(n4sid.N4sidSettings(local_models=1))
     local = n4sid.identify([data], chosen, static_map(theta))
-    wanted = SurrogateSettings(structure="chain8", output_error=TIGHT, standard_errors=False)
-    return identify(local, [data], HEAD, wanted)
+    return identify(local, [data], HEAD, SurrogateSettings(standard_errors=standard_errors))
+
+
+def condition(problem: OutputErrorProblem, theta: Array) -> float:
+    """Of the Fisher matrix of a plant scaled to unit diagonal."""
+    return certainty(problem, NetworkParameters(theta[None])).condition
 
 
 @dataclass(frozen=True)
@@ -94,19 +110,30 @@ class Trial:
     """What a plant showed.
 
     Attributes:
+        seed: Of the plant.
         condition: Of its Fisher matrix scaled to unit diagonal.
         clean: Largest relative error of the tuned theta from noise-free data.
-        distance: Error over standard error from noisy data, the whole way, (P,).
+        order: Choice of the order from noisy data, in words.
+        distance: Error over the standard error told beside it, from noisy data, (P,).
         ratio: Standard error over scatter, (P,), empty if it was not asked for.
     """
 
+    seed: int
     condition: float
-    clean: float
-    distance: Array
-    ratio: Array
+    clean: float = np.nan
+    order: str = ""
+    distance: Array = field(default_factory=lambda: np.zeros(0))
+    ratio: Array = field(default_factory=lambda: np.zeros(0))
 
 
-def trial(seed: int, duration: float, noise_seeds: int, sure_seeds: int = 5) -> Trial:
+def trial(
+    seed: int,
+    duration: float,
+    noise_seeds: int,
+    sure_seeds: int = 5,
+    largest_condition: float = np.inf,
+    whole: bool = False,
+) -> Trial:
     """Identify a plant without noise, with it, and again and again.
 
     Args:
@@ -114,21 +141,34 @@ def trial(seed: int, duration: float, noise_seeds: int, sure_seeds: int = 5) -> 
         duration: Of the data [s].
         noise_seeds: How often the noise is drawn anew for the scatter.
         sure_seeds: Of how many of them the standard errors are taken, as a median.
+        largest_condition: Beyond it the plant is refused: nothing but its condition is told.
+        whole: The whole way for every draw; otherwise output error from the physical theta of the first.
     """
     theta = random_chain(seed)
-    clean = identified(theta, recorded(theta, seed, duration))
+    data = recorded(theta, seed, duration)
+    first = noisy(data, seed, noise_seeds)
+    found = identified(theta, first, standard_errors=True)
+    worst = condition(found.problem([first]), theta)
+    if worst > largest_condition:
+        return Trial(seed, worst)
+    clean = identified(theta, data)
     wrong = float(np.max(np.abs(clean.tuned[0] / theta - 1.0)))
-    told: list[Certainty] = []
-    found = []
-    start = NetworkParameters(theta[None])
+    settings = found.settings.output_error
+    thetas, told = [], []
     for noise_seed in range(noise_seeds):
-        problem = clean.problem([recorded(theta, seed, duration, noise_seed)])
-        fit = fit_output_error(problem, start, TIGHT)
-        found.append(fit.theta[0])
+        again = noisy(data, seed, noise_seed)
+        problem = found.problem([again])
+        if whole:
+            parameters = identified(theta, again).tuned_parameters
+        else:
+            parameters = fit_output_error(problem, found.physical_parameters, settings).parameters
+        thetas.append(parameters.theta[0])
         if noise_seed < sure_seeds:
-            told.append(certainty(problem, fit.parameters))
-    errors = np.median([one.standard_errors[0] for one in told], axis=0)
-    noisy = identified(theta, recorded(theta, seed, duration, noise_seeds))
-    distance = np.abs(noisy.tuned[0] - theta) / errors
-    ratio = errors / np.std(found, axis=0, ddof=1) if noise_seeds > 1 else np.zeros(0)
-    return Trial(told[0].condition, wrong, distance, ratio)
+            told.append(certainty(problem, parameters).standard_errors[0])
+    ratio = np.zeros(0)
+    if noise_seeds > 1:
+        ratio = np.median(told, axis=0) / np.std(thetas, axis=0, ddof=1)
+    distance = np.abs(found.tuned[0] - theta) / found.standard_errors("tuned")[0]
+    choices = found.local.models[0].diagnostics["choices"]
+    order = next(f"{one['value']}: {one['reason']}" for one in choices if one["name"] == "order")
+    return Trial(seed, worst, wrong, order, distance, ratio)

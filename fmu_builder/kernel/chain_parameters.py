@@ -58,7 +58,7 @@ _C_H = ChainParameter("c_H", "N.s/m", "damping between m_H and ground", -2e5, 2e
 # The crossbar alone may be light; the torque acts through the linkage, not by a lever below 0.6 m; and
 # a frame in neutral balance has stiffness and damping to the wall of either sign.
 _LIGHT = (
-    *(replace(_M_H, lower=0.3), replace(_M_M, lower=0.3), _K_L, _C_L, _B_M, _B_H),
+    *(replace(_M_H, lower=0.3), replace(_M_M, lower=0.3, upper=150.0), _K_L, _C_L, _B_M, _B_H),
     replace(_K_W, lower=-1e7, scaling="linear", size=100.0),
     replace(_C_W, lower=-2e5, scaling="linear", size=10.0),
 )

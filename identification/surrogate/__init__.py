@@ -15,7 +15,7 @@ from identification.surrogate.job import identify
 from identification.surrogate.output_error import OutputErrorFit, OutputErrorSettings
 from identification.surrogate.problem import SIGNALS, NetworkParameters, OutputErrorProblem
 from identification.surrogate.result import Recommendation, SurrogateResult, Which
-from identification.surrogate.settings import REASONED_START, THESIS, SurrogateSettings
+from identification.surrogate.settings import REASONED_START, THESIS, SurrogateSettings, local_model_settings
 from identification.surrogate.structure import STRUCTURES, Parameter, Structure
 
 __all__ = [
@@ -44,6 +44,7 @@ __all__ = [
     "fit_frequency_response",
     "identify",
     "input_spectrum",
+    "local_model_settings",
     "lower_framework",
     "network",
     "theta_nodes",

@@ -10,7 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from fmu_builder.kernel import CHAINS
 from fmu_builder.parameter_set import Validity
+from identification.n4sid import N4sidSettings
 from identification.network import NetworkSettings
+from identification.surrogate.chain import STATE_NAMES
 from identification.surrogate.frequency_response import FrequencyResponseSettings
 from identification.surrogate.output_error import OutputErrorSettings
 from identification.surrogate.problem import DEVIATION_OUTPUT
@@ -132,6 +134,18 @@ class SurrogateSettings(BaseModel):
             deviation_output=DEVIATION_OUTPUT if gain != 0.0 else None,
             deviation_gain=gain,
         )
+
+
+def local_model_settings(chosen: N4sidSettings) -> N4sidSettings:
+    """Return settings of local models with a state for each of a chain's, where the order is automatic.
+
+    Noise hides weak modes from the singular values; that the chain has them is known.
+
+    Args:
+        chosen: What is asked for otherwise.
+    """
+    least = max(chosen.subspace.least_order, len(STATE_NAMES))
+    return chosen.model_copy(update={"subspace": chosen.subspace.model_copy(update={"least_order": least})})
 
 
 REASONED_START = {

@@ -293,7 +293,8 @@ class _ResponseProblem:
         """Return the weighted sum of squares."""
         theta = self.structure.from_search(search)
         dynamics = self.structure.discretise(theta, self.head, self.sample_time, derivatives=False)
-        return float(np.sum(np.abs(self._residual(self._resolvent(dynamics), dynamics)) ** 2))
+        with np.errstate(over="ignore", invalid="ignore"):  # a random start may explode: no cost
+            return float(np.sum(np.abs(self._residual(self._resolvent(dynamics), dynamics)) ** 2))
 
     def stable(self, search: Array) -> bool:
         """Return whether the chain comes to rest."""

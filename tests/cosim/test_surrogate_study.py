@@ -14,6 +14,7 @@ from cosimulation.settings import STUDIES, load_settings, parse_settings
 from cosimulation.study import run_study
 from cosimulation.study.job import STUDIES as KNOWN
 from cosimulation.study.surrogate.physics import exact_theta, frequency_errors
+from cosimulation.study.surrogate.theta_sections import agreement_tables
 from fmu_builder.errors import SettingsError
 from fmus.wbm import native, parameter_sets
 from identification.linear import discretised
@@ -225,3 +226,21 @@ def test_frequencies_are_compared_mode_by_mode() -> None:
     assert max(item["value"] for item in records) < 1e-6
     other = frequency_errors([model], [linearisation("Blow", 1.25)], {"seed": 1})
     assert max(item["value"] for item in other) > 1.0
+
+
+def test_standard_errors_stand_over_the_scatter() -> None:
+    values = {0.75: (1.0, 2.0, 3.0, 6.0), 2.25: (4.0, 4.0, 8.0, 8.0)}
+    errors = {0.75: (1.0, 2.0, 4.0, 3.0), 2.25: (0.5, None, 1.5, 1.0)}
+    items = [
+        {"theta": "tuned", "parameter": "m_H", "height": height, "value": value, "error": error}
+        for height in values
+        for value, error in zip(values[height], errors[height], strict=True)
+    ]
+    items += [one | {"theta": "physical", "error": None} for one in items]
+    (table,) = agreement_tables("A", "1e-5 m, 1e-3 m/s", items)
+    (row,) = table.rows
+    low, high = 1.0 / np.std(values[2.25], ddof=1), 2.5 / np.std(values[0.75], ddof=1)
+    assert row.head == "tuned theta" and table.columns == ["m_H"]
+    assert float(row.cells[0].value) == pytest.approx(0.5 * (low + high))
+    assert row.cells[0].small == f"{low:.2f} .. {high:.2f}"
+    assert agreement_tables("A", "none", [one for one in items if one["value"] in (1.0, 2.0)]) == []

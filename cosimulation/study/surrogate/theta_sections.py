@@ -27,6 +27,12 @@ _NUMBERS = re.compile(r"\[\d+\]| = \S+ \+- \S+( [^ ]+(?= cannot))?| \(correlatio
 _FISHER = """Exponents of ten of the Fisher information of every parameter, in its own unit, in every state,
 the state in its standard deviation about rest; summed over the local models, median over the seeds
 (thesis Table 5.2)."""
+_AGREEMENT = """Standard error that one seed's data tell (median over the seeds) over the scatter over the
+seeds: median over the local models, below it the smallest and the largest. One means that the errors tell
+the truth; eight seeds know a scatter to 25 %. Seeds differ in excitation, too, and a linear chain of a
+nonlinear reference follows the excitation: below one, the data of one seed do not show all of that. Random
+linear plants, where noise is all there is, are the benchmark's: tests.benchmarks.surrogate_plants."""
+_FEWEST_SEEDS = 3
 Records = Sequence[Mapping[str, Any]]
 _TEXT = """Theta of every local model, median over the seeds, beside the chain that behaves exactly as the
 linearised white-box model (chain9). Behind \N{PLUS-MINUS SIGN} the standard error that one seed's data tell
@@ -58,6 +64,7 @@ def theta_sections(settings: SurrogateStudySettings, findings: Records) -> list[
                 of_noise = [item for item in mine if item["noise"] == noise]
                 if of_noise and noise != "none":
                     tables.append(_theta_table(wbm, noise, one.surrogate.structure, of_noise))
+                    tables += agreement_tables(wbm, noise, of_noise)
             wrong = [
                 item
                 for item in errors
@@ -202,6 +209,46 @@ def _theta_cell(items: Records) -> Cell:
     bounds = sorted({item["bound"] for item in items if item["bound"]})
     value = float(np.median(values))
     return Cell(significant(value), repr(value), small=" ".join(small), note=" and ".join(bounds))
+
+
+def agreement_tables(wbm: str, noise: str, items: Records) -> list[TextTable]:
+    """Return standard errors over scatter, a row per theta, none for fewer than three seeds.
+
+    Args:
+        wbm: Name of the white-box set.
+        noise: What was on the training data.
+        items: Records of theta: parameter, height, value and error of every seed.
+    """
+    names = list(dict.fromkeys(item["parameter"] for item in items))
+    rows = []
+    for which in WHICH:
+        cells = []
+        for name in names:
+            mine = [item for item in items if (item["theta"], item["parameter"]) == (which, name)]
+            ratios = [
+                ratio
+                for height in sorted({item["height"] for item in mine})
+                if (ratio := _agreement([item for item in mine if item["height"] == height])) is not None
+            ]
+            if ratios:
+                ends = f"{number(min(ratios), 2)} .. {number(max(ratios), 2)}"
+                middle = float(np.median(ratios))
+                cells.append(Cell(number(middle, 2), repr(middle), small=ends))
+            else:
+                cells.append(Cell("none"))
+        if any(cell.text != "none" for cell in cells):
+            rows.append(TextRow(f"{which} theta", tuple(cells)))
+    caption = f"White-box set {wbm}{noise_name(noise)}. {_AGREEMENT}"
+    return [TextTable(caption, "standard error / scatter", names, rows)] if rows else []
+
+
+def _agreement(items: Records) -> float | None:
+    """Return the median standard error over the scatter of the same number over the seeds."""
+    values = np.array([item["value"] for item in items])
+    error = _median_error(items)
+    if len(values) < _FEWEST_SEEDS or not np.isfinite(error) or not values.std() > 0.0:
+        return None
+    return float(error / values.std(ddof=1))
 
 
 def _error_table(wbm: str, items: Records) -> TextTable:

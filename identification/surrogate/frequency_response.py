@@ -8,7 +8,7 @@ begins at a closed-form solution; random starts are drawn only where that one fa
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -27,6 +27,9 @@ from identification.surrogate.structure import Structure
 ComplexArray = npt.NDArray[np.complex128]
 
 CLOSED_FORM = "closed form"
+
+_EXPLODED = 1e12
+"""Entries of a sampled system matrix beyond which there is no response to speak of."""
 
 
 class FrequencyResponseSettings(BaseModel):
@@ -230,7 +233,9 @@ def _closed_forms(problem: _ResponseProblem, model: LocalModel) -> list[Array]:
     structure = problem.structure
     found = closed_forms(continuous, problem.frequencies, problem.head, problem.weights)
     starts = [structure.to_search(structure.from_coefficients(one, problem.head)) for one in found]
-    costs = [problem.cost(one) for one in starts]
+    if not starts:
+        return []
+    costs = problem.costs(np.stack(starts))
     return [starts[index] for index in np.argsort(costs, kind="stable")]
 
 
@@ -280,21 +285,32 @@ class _ResponseProblem:
         return float(np.sum(np.abs(self.weights * self.response) ** 2))
 
     def _resolvent(self, dynamics: LocalDynamics) -> ComplexArray:
+        """Return (z I - A)^-1 at every frequency, (..., F, 6, 6)."""
         z = np.exp(2j * np.pi * self.frequencies * self.sample_time)
-        inverse: ComplexArray = np.linalg.inv(z[:, None, None] * np.eye(dynamics.A.shape[0]) - dynamics.A)
+        size = dynamics.A.shape[-1]
+        inverse: ComplexArray = np.linalg.inv(z[:, None, None] * np.eye(size) - dynamics.A[..., None, :, :])
         return inverse
 
     def _residual(self, inverse: ComplexArray, dynamics: LocalDynamics) -> ComplexArray:
-        modelled = OUTPUT_MATRIX @ inverse @ dynamics.B
+        modelled = OUTPUT_MATRIX @ inverse @ dynamics.B[..., None, :, :]
         residual: ComplexArray = self.weights * (self.response - modelled)
         return residual
 
-    def cost(self, search: Array) -> float:
-        """Return the weighted sum of squares."""
+    def costs(self, search: Array) -> Array:
+        """Return the weighted sums of squares (...) at search coordinates (..., P), infinite if exploded."""
         theta = self.structure.from_search(search)
-        dynamics = self.structure.discretise(theta, self.head, self.sample_time, derivatives=False)
-        with np.errstate(over="ignore", invalid="ignore"):  # a random start may explode: no cost
-            return float(np.sum(np.abs(self._residual(self._resolvent(dynamics), dynamics)) ** 2))
+        with np.errstate(over="ignore", invalid="ignore"):
+            dynamics = self.structure.discretise(theta, self.head, self.sample_time, derivatives=False)
+        sound = np.max(np.abs(dynamics.A), axis=(-2, -1)) < _EXPLODED  # false for nan
+        dynamics = replace(dynamics, A=np.where(sound[..., None, None], dynamics.A, 0.0))
+        with np.errstate(over="ignore", invalid="ignore"):
+            residual = self._residual(self._resolvent(dynamics), dynamics)
+            total = np.sum(residual.real**2 + residual.imag**2, axis=(-3, -2, -1))
+        return np.asarray(np.where(sound, total, np.inf))
+
+    def cost(self, search: Array) -> float:
+        """Return the weighted sum of squares at one place (P,)."""
+        return float(self.costs(search))
 
     def stable(self, search: Array) -> bool:
         """Return whether the chain comes to rest."""

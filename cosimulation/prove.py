@@ -20,7 +20,7 @@ from identification.scores import records
 from identification.stability import found_certificate, proved
 
 RATE = 6.0
-"""Looked for where nobody says: nearly twice the fastest movement of the pantograph's training data [m/s]."""
+"""Looked for where nobody says: three times the fastest movement of the demo's training data [m/s]."""
 
 _RESOURCE = "resources/parameter_set.json"
 

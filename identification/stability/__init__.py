@@ -10,9 +10,9 @@ import json
 from fmu_builder.errors import CertificateError
 from fmu_builder.parameter_set import ParameterSet, StabilityProof
 from identification.stability import verify
-from identification.stability.search import found_certificate
+from identification.stability.search import found_certificate, seems_provable
 
-__all__ = ["found_certificate", "proved"]
+__all__ = ["found_certificate", "proved", "seems_provable"]
 
 
 def proved(parameter_set: ParameterSet) -> StabilityProof | None:

@@ -207,7 +207,9 @@ def common_solution(models: Array, sample_time: float) -> Solution | Exclusion |
         models: A of the models, shape (K, n, n).
         sample_time: Ts.
     """
-    asked = stein_conditions(models)
+    distinct = np.unique(models, axis=0, return_index=True)[1]  # equal ones share a condition
+    distinct.sort()
+    asked = stein_conditions(models[distinct])
     triangle = asked.triangle
     column = scipy.sparse.csc_matrix(np.tile(triangle.identity, asked.count)[:, None])
     kept = scipy.sparse.hstack([(asked.M - asked.N) / sample_time, column])
@@ -220,7 +222,8 @@ def common_solution(models: Array, sample_time: float) -> Solution | Exclusion |
     if x[-1] > 0.0:
         return Solution(triangle.matrices(x[:-1].reshape(1, -1)), float(x[-1]))
     Z = triangle.matrices(multipliers[1:].reshape(asked.count, -1))
-    return _fewest(models, Z)
+    found = _fewest(models[distinct], Z)
+    return None if found is None else found._replace(nodes=tuple(distinct[list(found.nodes)].tolist()))
 
 
 def _fewest(models: Array, Z: Array) -> Exclusion | None:

@@ -74,6 +74,20 @@ def found_certificate(
     raise CertificateError.of(where, what, f"Ask for a rate of {largest:g} or less")
 
 
+def seems_provable(parameter_set: ParameterSet, rate: float, share: float) -> bool:
+    """Whether a certificate is likely: one programme, nothing proved.
+
+    Args:
+        parameter_set: A network whose parameters are blended from a node table.
+        rate: Of the scheduling variable, its unit per second.
+        share: Of the slowest decay at rest, which must be left.
+
+    Raises:
+        CertificateError: The network is not of a kind that has a certificate, or unstable at rest.
+    """
+    return _Search(parameter_set, _silent).seems_provable(rate, share)
+
+
 def _certificate(parameter_set: ParameterSet, **fields: object) -> StabilityCertificate | None:
     """Return a certificate with these fields when `verify` proves it."""
     certificate = StabilityCertificate(model_hash=parameter_set.model_hash(), **fields)
@@ -220,16 +234,22 @@ class _Search:
                 break
         return best
 
+    def seems_provable(self, rate: float, share: float) -> bool:
+        """Whether the conditions can be kept with this share of the slowest decay."""
+        asked = self._conditions(rate)
+        if asked is None:
+            return False
+        shrink = (1.0 - share * self.slowest * self.sample_time) ** 2
+        found = programme.largest_margin(asked, shrink, self.sample_time, np.eye(len(self.inward)))
+        return found is not None and asked.shrinkage(found.P) < shrink
+
     def largest_rate(self, below: float) -> float:
         """Return the largest rate that conditions can be kept for, to 2 %; 0 without one."""
         widest = float(np.diff(self.positions).min()) / self.sample_time
         low, high = 0.0, min(below, widest)
         while high - low > _RATE_TOLERANCE * high:
             middle = 0.5 * (low + high)
-            asked = self._conditions(middle)
-            scale = np.eye(len(self.inward))
-            found = None if asked is None else programme.largest_margin(asked, 1.0, self.sample_time, scale)
-            usable = asked is not None and found is not None and asked.shrinkage(found.P) < 1.0
+            usable = self.seems_provable(middle, 0.0)
             low, high = (middle, high) if usable else (low, middle)
             self.say(f"rate {middle:.3g}: {'feasible' if usable else 'nothing found'}")
             if high < 1e-3 * widest:

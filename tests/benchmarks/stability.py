@@ -1,8 +1,8 @@
 """What is proved of networks, and what the proof costs. Run: python -m tests.benchmarks.stability [FILE ...]
 
 Files are parameter sets; without any, the networks that come with the project. One line each: rate, decay,
-FIT of the contact force, CPU seconds of search and proof, size of the certificate; scores are those in the
-file or in scores.json beside it.
+FIT of the contact force, CPU seconds of search and proof, size of the certificate; scores stand in the file
+or in scores.json beside it.
 """
 
 from __future__ import annotations

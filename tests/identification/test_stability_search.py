@@ -135,6 +135,17 @@ def test_vectors_of_symmetric_matrices_keep_scalar_products_and_congruences(n: i
     )
 
 
+def test_equal_models_at_the_ends_do_not_hide_that_no_common_matrix_exists() -> None:
+    """As clamped hats have them: the table goes on to the ends of the range with the outer models."""
+    plain = networks.oscillators()
+    assert plain.node_table is not None
+    models = [np.array(m.A) for m in plain.node_table.models]
+    clamped = networks.blend([models[0], *models, models[-1]], np.linspace(0.0, 3.0, 7).tolist(), 0.01)
+    certificate = found_certificate(clamped, 1.0)
+    assert certificate.method == "nodes" and certificate.exclusion is not None
+    assert set(certificate.exclusion.nodes) <= set(range(6)) - {1}
+
+
 def test_the_common_programme_answers_either_way() -> None:
     A = np.array([[0.9, 0.4], [-0.3, 0.7]])
     assert isinstance(common_solution(np.array([A, 0.9 * A]), 1.0), Solution)

@@ -290,10 +290,8 @@ static inline double kernel_in_range(const Tables *t, const double *inputs) {
 
 /* outside = 1 when r has moved from `before` further than is certified */
 static inline void kernel_watch_move(const Tables *t, const KernelView *v, double before) {
-    double move = v->position[0] - before;
-    if (FIXED(t, certified_move) > 0.0 && (move > FIXED(t, certified_move) || -move > FIXED(t, certified_move))) {
-        v->outside[0] = 1.0;
-    }
+    double move = v->position[0] - before, most = FIXED(t, certified_move);
+    if (most > 0.0 && (move > most || move < -most)) v->outside[0] = 1.0;
 }
 
 /* t_n -> t_n+1 with the inputs in force at t_n. */

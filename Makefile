@@ -30,13 +30,17 @@ lint: $(READY)
 fmus: $(READY)
 	$(RUN) -m fmus
 
-# Identifies the networks of fmus/ anew, which takes minutes, and shows how far their FIT is from the committed one.
+# Identifies the networks of fmus/ anew, which takes minutes, shows how far their FIT is from the committed one, and
+# proves their stability anew.
 # `llmn study shipped` shows the same and replaces nothing.
 identify-fmus: $(READY)
 	$(RUN) -m fmus wbm
 	rm -rf runs/study-shipped
 	-$(RUN) -m cosimulation study shipped
 	cp -R runs/study-shipped/models/. fmus/
+	for name in surrogate n4sid surrogate_blow n4sid_blow; do \
+		$(RUN) -m cosimulation prove fmus/$$name/parameters.json --rate 6 --store || exit 1; \
+	done
 	$(RUN) -m fmus
 
 $(READY): requirements.txt pyproject.toml

@@ -13,12 +13,12 @@ _COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 
 
 def parameter_values(name: str, interface: Interface, values: Mapping[str, float]) -> bytes:
-    """Return an SSV document that sets Real parameters of an FMU.
+    """Return an SSV document that sets Real and Boolean parameters of an FMU.
 
     Args:
         name: What the set is called.
         interface: The FMU's; units come from it.
-        values: By variable name, in the variable's unit. All digits are kept.
+        values: By variable name, in the variable's unit, 0 and 1 of Booleans. All digits are kept.
 
     Raises:
         KeyError: There is no such variable.
@@ -29,6 +29,9 @@ def parameter_values(name: str, interface: Interface, values: Mapping[str, float
     variables = [interface.variables[interface.value_reference(key)] for key in values]
     for variable, value in zip(variables, values.values(), strict=True):
         entry = ET.SubElement(listed, "ssv:Parameter", name=interface.shown_name(variable))
+        if variable.type == "Boolean":
+            ET.SubElement(entry, "ssv:Boolean", value="true" if value else "false")
+            continue
         number = ET.SubElement(entry, "ssv:Real", value=repr(float(value)))
         if variable.unit:
             number.set("unit", variable.unit)

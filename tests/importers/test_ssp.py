@@ -46,10 +46,14 @@ def extracted(fmu: Path, name: str, folder: Path) -> Path:
     return folder / name
 
 
+def number(text: str) -> float:
+    return {"true": 1.0, "false": 0.0}[text] if text in ("true", "false") else float(text)
+
+
 def values(path: Path) -> dict[str, float]:
     with SSV(path) as document:
         document.__check_compliance__()
-        return {one["name"]: float(one["type_value"].parameter["value"]) for one in document.parameters}
+        return {one["name"]: number(one["type_value"].parameter["value"]) for one in document.parameters}
 
 
 def test_every_preset_and_what_was_identified_read_back(fmus: Mapping[str, Path], tmp_path: Path) -> None:
@@ -57,7 +61,8 @@ def test_every_preset_and_what_was_identified_read_back(fmus: Mapping[str, Path]
         assert values(extracted(fmus["wbm"], f"{name}.ssv", tmp_path)) == known.values()
     found = values(extracted(fmus["surrogate"], "identified.ssv", tmp_path))
     described = fmpy.read_model_description(str(fmus["surrogate"])).modelVariables
-    assert found == {v.name: float(v.start) for v in described if v.causality == "parameter"}
+    assert found == {v.name: number(v.start) for v in described if v.causality == "parameter"}
+    assert "<ssv:Boolean" in (tmp_path / "identified.ssv").read_text(encoding="utf-8")
     assert found["k_E"] == HEAD["k_E"]
     assert found["theta_m_H_3"] == theta_network().surrogate.tuned[2]["m_H"]  # type: ignore[union-attr]
     with zipfile.ZipFile(fmus["n4sid"]) as archive:

@@ -65,7 +65,7 @@ class ProveResult:
         """Return the result for a person."""
         lines = [f"{self.name}: {self.proof.statement}", self.proof.limits]
         if self.excluded:
-            lines.append("Proved as well: no common Lyapunov matrix exists; the bound on the rate is needed.")
+            lines.append("Proved as well: there is no common Lyapunov matrix, which would bound no rate.")
         if not self.stored:
             lines.append("The certificate is not stored; --store writes it into the parameter set.")
         return "\n".join(lines)
@@ -130,13 +130,13 @@ def _of_fmu(path: Path) -> ParameterSet:
     try:
         with zipfile.ZipFile(path) as archive:
             names = set(archive.namelist())
-            if _RESOURCE not in names:
-                mend = "Give the FMU of a network built by this program, or a parameter set"
-                raise FmuError.of(str(path), f"holds no {_RESOURCE}", mend)
-            text = archive.read(_RESOURCE).decode("utf-8")
+            text = archive.read(_RESOURCE).decode("utf-8") if _RESOURCE in names else None
             description = archive.read("modelDescription.xml")
     except (OSError, KeyError, UnicodeDecodeError, zipfile.BadZipFile, RuntimeError) as reason:
         raise FmuError.of(str(path), f"cannot be read ({reason})", "Give an FMU") from reason
+    if text is None:
+        mend = "Give the FMU of a network built by this program, or a parameter set"
+        raise FmuError.of(str(path), f"holds no {_RESOURCE}", mend)
     parameter_set = loads(text, f"{path}, {_RESOURCE}")
     if "resources/slavemodule.txt" not in names:  # a Python FMU computes with the file itself
         _refuse_other_guid(path, parameter_set, description)

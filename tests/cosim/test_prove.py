@@ -140,8 +140,11 @@ def test_files_that_are_neither_are_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "empty.fmu", "w") as archive:
         archive.writestr("modelDescription.xml", "<x/>")
     for name in ("text.json", "empty.fmu", "missing.json"):
-        with pytest.raises(LlmnError):
+        with pytest.raises(LlmnError) as caught:
             prove_file(tmp_path / name)
+        assert len(caught.value.problems) == 1 and str(caught.value).startswith(str(tmp_path / name))
+    with pytest.raises(FmuError, match=r"empty\.fmu: holds no resources/parameter_set\.json\. Give"):
+        prove_file(tmp_path / "empty.fmu")
 
 
 def test_the_command_prints_one_line_and_json(stored: Path) -> None:

@@ -120,8 +120,8 @@ DEFECTS: dict[str, tuple[str, str, Changes]] = {
     ),
     "setting does not store": (
         "set-get", "set and get",
-        (("instance.c", "    instance->slave.values[vr] = value;\n",
-          "    instance->slave.values[vr] = 1.5 * value;\n"),),
+        (("functions.c", "instance->slave.values[vr[k]] = as_double(value[k]); ",
+          "instance->slave.values[vr[k]] = 1.5 * as_double(value[k]); "),),
     ),
     "errors without a word": (
         "no-message", "illegal calls",

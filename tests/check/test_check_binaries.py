@@ -78,7 +78,7 @@ def test_versions_and_libraries_are_those_readelf_prints(hash_style: str, tmp_pa
 
 
 def test_a_missing_function_is_found(right_fmu: Path, tmp_path: Path) -> None:
-    right = "FMI2_Export fmi2Status fmi2CancelStep("
+    right = "FMI2_Export COLD fmi2Status fmi2CancelStep("
     fmu = with_binary(right_fmu, tmp_path, (("stepping.c", right, "fmi2Status cancel_step("),), "linux64")
     found = finding(fmu, "missing-function")
     assert found.place == "binaries/linux64/lti_test.so" and "fmi2CancelStep" in found.what

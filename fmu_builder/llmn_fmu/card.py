@@ -137,9 +137,8 @@ def _stability(parameter_set: ParameterSet, proof: StabilityProof | None) -> Ite
         yield _paragraph(
             f"Beyond the range of {parameter_set.partition.scheduling} weights are held and the proof holds,"
             " as it does for every change of direction. outside_certificate becomes true with the first tick"
-            " that is faster, also where an input held over a long communication step jumps, and stays"
-            " true;"
-            " the log says it once."
+            " that is faster, also where an input held over a long communication step jumps, with the first"
+            " tick off the wire and with changed physical parameters; the log says it once."
         )
     yield _paragraph(
         "llmn prove, or identification/stability/verify.py alone, makes the proof anew from"

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 
 def _plain(value: Any) -> Any:
@@ -35,6 +35,13 @@ def nested(array: NDArray[np.float64]) -> Any:
         return tuple(tuples(part) for part in item) if isinstance(item, list) else item
 
     return tuples(as_list)
+
+
+def by_name(value: Any) -> Any:
+    """Return content with the keys of every dict sorted, as in the file: an FMU shows them in order."""
+    if isinstance(value, dict):
+        return {key: by_name(value[key]) for key in sorted(value)}
+    return [by_name(one) for one in value] if isinstance(value, list) else value
 
 
 class Part(BaseModel):
@@ -194,7 +201,7 @@ class DerivedOutput(Part):
     unit: Text
     description: Text = ""
     terms: tuple[DerivedTerm, ...]
-    parameters: dict[str, NamedParameter]
+    parameters: Annotated[dict[str, NamedParameter], AfterValidator(by_name)]
 
 
 class Quantity(Part):

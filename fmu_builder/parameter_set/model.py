@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, JsonValue
+from pydantic import AfterValidator, ConfigDict, Field, JsonValue
 
 from fmu_builder.errors import ParameterSetError
 from fmu_builder.files import write_text
@@ -26,6 +26,7 @@ from fmu_builder.parameter_set.components import (
     StabilityCertificate,
     SurrogateParameters,
     Text,
+    by_name,
 )
 
 
@@ -75,7 +76,7 @@ class ParameterSet(Part):
     surrogate: SurrogateParameters | None = None
     declared_unstable: bool = False
     certificate: StabilityCertificate | None = None
-    provenance: dict[str, JsonValue] = Field(default_factory=dict)
+    provenance: Annotated[dict[str, JsonValue], AfterValidator(by_name)] = Field(default_factory=dict)
     scores: tuple[dict[str, JsonValue], ...] = ()
     documentation: Text = ""
 

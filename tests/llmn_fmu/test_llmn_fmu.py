@@ -164,6 +164,19 @@ def test_the_same_parameter_set_gives_the_same_bytes(
     assert built(networks.network(43, feedthrough=True), tmp_path).read_bytes() == fmu.read_bytes()
 
 
+def test_a_parameter_set_gives_the_bytes_of_its_file(tmp_path: Path) -> None:
+    """In memory, names stand in the order in which somebody gave them; in the file they are sorted."""
+    given = networks.network(43).model_dump()
+    first = next(iter(given["derived_outputs"][0]["parameters"].values()))
+    others = {name: {**first, "value": value} for name, value in (("z_C", 2.0), ("a_C", 3.0))}
+    given["derived_outputs"][0]["parameters"] = {**others, **given["derived_outputs"][0]["parameters"]}
+    given["provenance"] = {"versions": {"zeta": 1, "alpha": [{"b": 1, "a": 2}]}}
+    parameter_set = ParameterSet(**given)
+    whole = built(parameter_set, tmp_path).read_bytes()
+    again = load(parameter_set.save(tmp_path / "network.json"))
+    assert built(again, tmp_path).read_bytes() == whole
+
+
 def test_the_guid_changes_with_the_last_digit_of_one_number(fmu: Path, tmp_path: Path) -> None:
     content = json.loads(networks.network(43, feedthrough=True).canonical_json())
     content["local_models"][1]["A"][0][1] = np.nextafter(content["local_models"][1]["A"][0][1], 9.0)

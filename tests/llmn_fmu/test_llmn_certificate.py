@@ -165,6 +165,27 @@ def test_changed_physical_parameters_have_no_certificate(tmp_path: Path) -> None
     makers.close()
 
 
+def test_parameters_changed_to_and_fro_hide_no_movement(tmp_path: Path) -> None:
+    """With a deviation in the schedule the next tick moves further than the height: all of it counts."""
+    network = theta_network("chain8", gain=5.0)
+    proof = StabilityProof(network.model_hash(), 1e-3, 1e-6, 0.1, "Proved: x.", "Not proved: y.")
+    path = build_llmn(network, tmp_path / "theta.fmu", (host_platform(),), proof=proof)
+    makers = maker(path, tmp_path)
+    new = next(makers)
+    for value in (1e5, 9e4):
+        slave, references = new()
+        slave.start()
+        assert slave.set([1], [1350.0]) == OK
+        flags = []
+        for k in range(3):
+            assert slave.set([references["k_E"]], [value]) == OK
+            assert slave.set([references["k_E"]], [1e5]) == OK
+            assert slave.step(k * 1e-3, 1e-3) == OK
+            flags.append(slave.get_integer(references["outside_certificate"], "GetBoolean"))
+        assert flags == [0, 1, 1]
+    makers.close()
+
+
 def test_without_a_proof_the_fmu_says_nothing_of_stability(certified: ParameterSet) -> None:
     names = [one.name for one in interface(certified).variables]
     assert "outside_certificate" not in names

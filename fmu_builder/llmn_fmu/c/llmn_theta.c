@@ -93,6 +93,7 @@ static COLD void theta_carry_over(Model *model, int rest_moved)
     Tables own;
     const Tables *network = model_network(model, &own);
     const KernelView view = kernel_view(network, model->state);
+    const double position = view.position[0]; /* a change is no tick: the next one moves from where the last one was */
     KernelBlend blend;
     for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
         weights[i] = view.weights[i];
@@ -102,6 +103,7 @@ static COLD void theta_carry_over(Model *model, int rest_moved)
     for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
         view.weights[i] = weights[i];
     }
+    view.position[0] = position;
     if (!rest_moved) {
         return;
     }

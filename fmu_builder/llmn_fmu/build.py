@@ -19,7 +19,7 @@ from fmu_builder.kernel import (
     without_arrays,
 )
 from fmu_builder.llmn_fmu.card import model_card
-from fmu_builder.llmn_fmu.variables import interface
+from fmu_builder.llmn_fmu.variables import conditions, interface
 from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
 _C_FOLDER = Path(__file__).parent / "c"
@@ -89,12 +89,20 @@ def _values(shown: Interface) -> dict[str, bytes]:
     return {"identified.ssv": parameter_values("identified", shown, known)} if known else {}
 
 
+def _certified_move(parameter_set: ParameterSet, proof: StabilityProof | None) -> float:
+    """Return how far the clipped scheduling variable may move per tick; 0: nothing is to be watched."""
+    if proof is not None and proof.move is not None:
+        return proof.move
+    low, high = parameter_set.partition.range
+    return high - low if conditions(parameter_set, proof) else 0.0  # the whole range: any movement
+
+
 def _network_headers(parameter_set: ParameterSet, proof: StabilityProof | None) -> tuple[str, dict[str, str]]:
     """Return the unity file, and the headers of numbers.
 
     Models at the nodes are left out where the FMU can make them, of physical parameters or of local models.
     """
-    move = proof.move if proof is not None and proof.move is not None else 0.0
+    move = _certified_move(parameter_set, proof)
     tables = tables_of(parameter_set, move)
     chain, blend = chain_of(parameter_set), blended_nodes(parameter_set, move)
     if chain is not None:

@@ -9,6 +9,7 @@ from pydantic import JsonValue
 
 from fmu_builder.fmi2 import Interface, Variable
 from fmu_builder.kernel import contact_of
+from fmu_builder.llmn_fmu.variables import conditions
 from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
 _OFFSETS = {
@@ -136,9 +137,13 @@ def _stability(parameter_set: ParameterSet, proof: StabilityProof | None) -> Ite
     if proof.rate is not None:
         yield _paragraph(
             f"Beyond the range of {parameter_set.partition.scheduling} weights are held and the proof holds,"
-            " as it does for every change of direction. outside_certificate becomes true with the first tick"
-            " that is faster, also where an input held over a long communication step jumps, with the first"
-            " tick off the wire and with changed physical parameters; the log says it once."
+            " as it does for every change of direction. An input held over a long communication step jumps,"
+            " and the jump counts."
+        )
+    if broken := conditions(parameter_set, proof):
+        yield _paragraph(
+            f"outside_certificate tells whether {', or '.join(broken)}. What has happened in a tick stays"
+            " true, and the log says it once; parameters count as they are."
         )
     yield _paragraph(
         "llmn prove, or identification/stability/verify.py alone, makes the proof anew from"

@@ -29,7 +29,7 @@ def interface(
 ) -> Interface:
     """Return the interface: inputs, outputs, derived outputs, validity_1..M, in_range, parameters, constants.
 
-    Where stability is proved for a rate of the scheduling variable, outside_certificate follows in_range.
+    Where stability is proved under a condition (`conditions`), outside_certificate follows in_range.
 
     Inputs start at the operating point, their limits are those seen in training. Outputs carry no limits:
     what was seen in training does not bound them. Parameters are the physical ones of a surrogate whose theta
@@ -61,6 +61,22 @@ def interface(
         default_step=parameter_set.sample_time,
         licence="program: MIT, see documentation/licenses; the model belongs to whoever identified it",
     )
+
+
+def conditions(parameter_set: ParameterSet, proof: StabilityProof | None) -> tuple[str, ...]:
+    """Return what takes a run out of what is proved of stability, in words; empty: nothing, or no proof."""
+    if proof is None:
+        return ()
+    scheduling = parameter_set.inputs[parameter_set.scheduling_index]
+    found = []
+    if proof.rate is not None:
+        faster = f"{proof.rate!r} {scheduling.unit}/s"
+        found.append(f"{scheduling.name} has moved by more than {faster} from tick to tick since the start")
+    if contact_of(parameter_set) is not None:
+        found.append("the contact has opened since the start")
+    if chain_of(parameter_set) is not None:
+        found.append("physical parameters are not those identified")
+    return tuple(found)
 
 
 def _variables(parameter_set: ParameterSet, proof: StabilityProof | None) -> Iterator[Variable]:
@@ -118,14 +134,12 @@ def _variables(parameter_set: ParameterSet, proof: StabilityProof | None) -> Ite
         causality="output",
         description="Whether the inputs of the last tick lie in the trained range",
     )
-    if proof is not None and proof.rate is not None:
-        scheduling = parameter_set.inputs[parameter_set.scheduling_index]
+    if broken := conditions(parameter_set, proof):
         yield Variable(
             "outside_certificate",
             type="Boolean",
             causality="output",
-            description=f"Whether {scheduling.name} has moved by more than {proof.rate!r} {scheduling.unit}/s"
-            " from tick to tick since the start: up to this stability is proved",
+            description=f"Whether {', or '.join(broken)}: of that no stability is proved",
         )
     parameters = tuple(_parameters(parameter_set))
     yield from parameters

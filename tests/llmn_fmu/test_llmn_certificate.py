@@ -225,3 +225,31 @@ def test_a_proof_of_another_model_is_refused(
 def test_a_proof_for_any_movement_needs_no_watch(certified: ParameterSet, proof: StabilityProof) -> None:
     any_movement = replace(proof, rate=None, move=None)
     assert "outside_certificate" not in [v.name for v in interface(certified, proof=any_movement).variables]
+
+
+def test_a_proof_for_any_movement_says_nothing_of_other_parameters_and_of_flight(tmp_path: Path) -> None:
+    network = theta_network("chain8")
+    any_movement = StabilityProof(network.model_hash(), None, None, 0.1, "Proved: x.", "Not proved: y.")
+    shown = interface(network, proof=any_movement)
+    (flag,) = [one for one in shown.variables if one.name == "outside_certificate"]
+    assert "m/s" not in flag.description
+    told = "the contact has opened since the start, or physical parameters are not those identified"
+    assert told in flag.description and told in model_card(network, shown, any_movement)
+    path = build_llmn(network, tmp_path / "theta.fmu", (host_platform(),), proof=any_movement)
+    makers = maker(path, tmp_path)
+    slave, references = next(makers)()
+    switch, one = (ctypes.c_uint * 1)(references["unilateral"]), ctypes.c_size_t(1)
+    assert slave.SetBoolean(switch, one, (ctypes.c_int * 1)(1)) == OK
+    slave.start(v0=1.5)
+    reference = references["outside_certificate"]
+    # down fast, in contact; then the wire goes where the pan-head is not
+    for tick, (height, expected) in enumerate(((1.49, 0), (1.48, 0), (1.6, 1), (1.4, 1))):
+        assert slave.set([0], [height]) == OK
+        assert slave.step(tick * 1e-3, 1e-3) == OK
+        assert slave.get_integer(reference, "GetBoolean") == expected, tick
+    assert slave.Reset() == OK
+    slave.start(v0=1.5)
+    assert slave.get_integer(reference, "GetBoolean") == 0
+    assert slave.set([references["theta_m_H_2"]], [8.5]) == OK
+    assert slave.get_integer(reference, "GetBoolean") == 1
+    makers.close()

@@ -1,5 +1,5 @@
 /* The kernel as a model of the slave (model.h). Variables stand in this order: inputs, outputs, derived outputs,
-   validity_1..M, in_range, outside_certificate if stability is certified for a rate, parameters. The sizes are constants
+   validity_1..M, in_range, outside_certificate if stability is certified under a condition, parameters. The sizes are constants
    here, so that the compiler unrolls what the tables need.
    Model, its parameters and where its tables are: llmn_fixed.c, llmn_blended.c or llmn_theta.c. */
 

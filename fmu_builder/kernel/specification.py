@@ -155,7 +155,7 @@ class Network:
     """
 
     def __init__(
-        self, parameter_set: ParameterSet, unilateral: bool = False, certified_move: float = 0.0
+        self, parameter_set: ParameterSet, *, unilateral: bool = False, certified_move: float = 0.0
     ) -> None:
         self.set = parameter_set
         self.contact = contact_of(parameter_set) if unilateral else None
@@ -382,7 +382,7 @@ def simulate(
         ParameterSetError: The model has no steady state for the first inputs, or none with contact where it
             is unilateral.
     """
-    network = Network(parameter_set, unilateral)
+    network = Network(parameter_set, unilateral=unilateral)
     network.start(inputs[0])
     rows = [network.outputs(inputs[0])]
     for previous, present in pairwise(inputs):

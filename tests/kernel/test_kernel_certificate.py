@@ -15,7 +15,7 @@ MOVE = 0.125
 def first_outside(parameter_set: ParameterSet, rows: networks.Array, move: float = MOVE) -> int | None:
     """The tick that raises the flag, which then stays; kernel and specification agree at every tick."""
     kernel = Network(tables_of(parameter_set, move))
-    oracle = specification.Network(parameter_set, move)
+    oracle = specification.Network(parameter_set, certified_move=move)
     kernel.start(rows[0])
     oracle.start(rows[0].tolist())
     raised = None

@@ -10,6 +10,7 @@ import fmpy
 import networks
 import numpy as np
 import pytest
+from certified_networks import blend
 from fmpy.validation import validate_fmu
 from fmu_runner import opened, run_fmu
 
@@ -182,6 +183,16 @@ def test_the_guid_changes_with_the_last_digit_of_one_number(fmu: Path, tmp_path:
     content["local_models"][1]["A"][0][1] = np.nextafter(content["local_models"][1]["A"][0][1], 9.0)
     other = built(ParameterSet(**content), tmp_path)
     assert fmpy.read_model_description(str(other)).guid != fmpy.read_model_description(str(fmu)).guid
+
+
+@pytest.mark.parametrize("platform", ["win64", "win32", "aarch64-windows"])
+@pytest.mark.parametrize(("states", "models"), [(20, 4), (1, 300)])
+def test_large_networks_need_no_large_frames(states: int, models: int, platform: str, tmp_path: Path) -> None:
+    """On Windows a frame of more than a page asks for a function that only a run-time library has."""
+    positions = np.linspace(0.5, 2.5, models).tolist()
+    parameter_set = blend([0.5 * np.eye(states)] * models, positions, blending="output")
+    path = build_llmn(parameter_set, tmp_path / "large.fmu", (platform,))
+    assert any(name.endswith(".dll") for name in zipfile.ZipFile(path).namelist())
 
 
 def test_another_identifier_can_be_given(tmp_path: Path) -> None:

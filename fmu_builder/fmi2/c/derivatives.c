@@ -50,7 +50,7 @@ FMI2_Export COLD fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const 
                                                     size_t nUnknown, const fmi2ValueReference vKnown_ref[],
                                                     size_t nKnown, const fmi2Real dvKnown[], fmi2Real dvUnknown[])
 {
-    double direction[VARIABLE_COUNT], change[VARIABLE_COUNT];
+    double *direction, *change;
     Message message;
     Instance *instance = instance_of(c, LEGAL_GetDirectionalDerivative, "fmi2GetDirectionalDerivative", &message);
     if (instance == NULL || !instance_knows(instance, vUnknown_ref, nUnknown, dvUnknown, TYPE_REAL, &message) ||
@@ -62,6 +62,8 @@ FMI2_Export COLD fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const 
     if (slave_prepare_outputs(&instance->slave, &message) != 0) {
         return instance_refuse(instance, &message, "");
     }
+    direction = instance->direction;
+    change = instance->change;
     for (unsigned k = 0; k < VARIABLE_COUNT; ++k) {
         direction[k] = 0.0;
         change[k] = 0.0;
@@ -71,7 +73,8 @@ FMI2_Export COLD fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const 
     }
     if (instance->slave.mode != MODE_INITIALISATION) {
         model_directional_derivative(&instance->slave.model, instance->slave.values, direction, change);
-    } else if (model_start_derivative(&instance->slave.model, instance->slave.values, direction, change, &message)) {
+    } else if (model_start_derivative(&instance->slave.model, instance->slave.values, direction, change, instance->work,
+                                      &message)) {
         return instance_error(instance, &message, "");
     }
     for (size_t k = 0; k < nUnknown; ++k) {

@@ -198,7 +198,6 @@ FMI2_Export COLD fmi2Status fmi2Reset(fmi2Component c)
     FMI2_Export kept fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const type value[]) \
     {                                                                                                         \
         Message message;                                                                                      \
-        double before[VARIABLE_COUNT];                                                                        \
         Instance *instance = instance_of(c, legal, #name, &message);                                          \
         if (instance == NULL || !instance_knows(instance, vr, nvr, value, types, &message)) {                 \
             return fmi2Error;                                                                                 \
@@ -210,13 +209,13 @@ FMI2_Export COLD fmi2Status fmi2Reset(fmi2Component c)
         }                                                                                                     \
         const int parameters = instance_has_parameters(vr, nvr);                                              \
         for (unsigned k = 0; parameters && k < VARIABLE_COUNT; ++k) {                                         \
-            before[k] = instance->slave.values[k];                                                            \
+            instance->before[k] = instance->slave.values[k];                                                  \
         }                                                                                                     \
         for (size_t k = 0; k < nvr; ++k) {                                                                    \
             instance->slave.values[vr[k]] = as_double(value[k]);                                              \
             slave_values_changed(&instance->slave);                                                           \
         }                                                                                                     \
-        if (parameters && instance_parameters_set(instance, before) != fmi2OK) {                              \
+        if (parameters && instance_parameters_set(instance) != fmi2OK) {                                      \
             return fmi2Error;                                                                                 \
         }                                                                                                     \
         for (size_t k = 0; k < nvr; ++k) {                                                                    \

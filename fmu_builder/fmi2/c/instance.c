@@ -15,6 +15,10 @@ typedef struct {
     unsigned char warned_of_events;
     unsigned char warned_of_parameters;
     unsigned char warned_of_ticks;
+    /* Room to work in for one call: frames on the stack stay below a page, because Windows asks a library to probe larger
+       ones, and how large these are depends on the model. */
+    double before[VARIABLE_COUNT], direction[VARIABLE_COUNT], change[VARIABLE_COUNT];
+    double work[MODEL_WORK];
 } Instance;
 
 /* In which modes a function may be called (FMI 2.0.4, sections 3.2.3 and 4.2.4), and on instances for what. */
@@ -280,16 +284,16 @@ static int instance_has_parameters(const fmi2ValueReference vr[], size_t count)
     return 0;
 }
 
-/** after parameters were set: a running model takes them, or all values are those before again and an error is logged;
-    what the model remarks is logged once */
-static COLD fmi2Status instance_parameters_set(Instance *instance, const double before[VARIABLE_COUNT])
+/** after parameters were set: a running model takes them, or all values are those in before[] again and an error is
+    logged; what the model remarks is logged once */
+static COLD fmi2Status instance_parameters_set(Instance *instance)
 {
     Message message;
     const char *remark = model_remark(instance->slave.values);
     message_clear(&message);
     if ((instance->slave.mode & MODE_RUNNING) != 0 && slave_retune(&instance->slave, &message) != 0) {
         for (unsigned k = 0; k < VARIABLE_COUNT; ++k) {
-            instance->slave.values[k] = before[k];
+            instance->slave.values[k] = instance->before[k];
         }
         return instance_error(instance, &message, ": the values are those before");
     }

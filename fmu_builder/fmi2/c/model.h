@@ -60,8 +60,9 @@ static void model_directional_derivative(const Model *model, const double *value
                                          double *change);
 
 /** the same at the start, where outputs and states are steady states: change[] for the direction[] of inputs and Real
-    parameters. Called after model_initialise, for the same values[]. */
+    parameters. Called after model_initialise, for the same values[]. work[] is room for MODEL_WORK numbers, a positive
+    constant of the model */
 static int model_start_derivative(const Model *model, const double *values, const double *direction, double *change,
-                                  Message *message);
+                                  double *work, Message *message);
 
 #endif

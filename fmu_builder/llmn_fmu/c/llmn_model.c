@@ -7,7 +7,8 @@ enum {
     LLMN_FIRST_OUTPUT = TABLES_INPUTS,
     LLMN_FIRST_VALIDITY = LLMN_FIRST_OUTPUT + TABLES_OUTPUTS + TABLES_DERIVED,
     LLMN_IN_RANGE = LLMN_FIRST_VALIDITY + TABLES_LOCAL_MODELS,
-    LLMN_OUTSIDE_CERTIFICATE = LLMN_IN_RANGE + 1
+    LLMN_OUTSIDE_CERTIFICATE = LLMN_IN_RANGE + 1,
+    MODEL_WORK = 2 * TABLES_STATE_SIZE
 };
 
 static double model_sample_time(const Model *model)
@@ -135,13 +136,12 @@ static void model_directional_derivative(const Model *model, const double *value
 }
 
 static COLD int model_start_derivative(const Model *model, const double *values, const double *direction,
-                                       double *change, Message *message)
+                                       double *change, double *work, Message *message)
 {
-    double scratch[TABLES_STATE_SIZE], tangent[TABLES_STATE_SIZE];
     Tables own;
-    if (kernel_start_tangent(model_network(model, &own), model->state, values, direction, scratch, tangent,
-                             change + LLMN_FIRST_OUTPUT) ||
-        model_add_parameter_tangent(model, values, direction, change)) {
+    if (kernel_start_tangent(model_network(model, &own), model->state, values, direction, work,
+                             work + TABLES_STATE_SIZE, change + LLMN_FIRST_OUTPUT) ||
+        model_add_parameter_tangent(model, values, direction, change, work)) {
         message_append(message, "the steady state has no derivative: an eigenvalue of A is 1");
         return 1;
     }

@@ -18,13 +18,14 @@ static const char *model_remark(const double *values)
     return 0;
 }
 
-/** change[] of what rests, along parameters */
+/** change[] of what rests, along parameters; work[2 TABLES_STATE_SIZE] */
 static int model_add_parameter_tangent(const Model *model, const double *values, const double *direction,
-                                       double *change)
+                                       double *change, double *work)
 {
     (void)model;
     (void)values;
     (void)direction;
     (void)change;
+    (void)work;
     return 0;
 }

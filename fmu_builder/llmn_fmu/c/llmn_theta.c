@@ -179,15 +179,15 @@ static COLD void theta_rest_tangent(const Tables *network, double height, double
     }
 }
 
-/** change[] of what rests, along parameters */
+/** change[] of what rests, along parameters; work[2 TABLES_STATE_SIZE] */
 static COLD int model_add_parameter_tangent(const Model *model, const double *values, const double *direction,
-                                            double *change)
+                                            double *change, double *work)
 {
     const double *along = direction + LLMN_FIRST_PARAMETER;
     const double head[CHAIN_HEAD] = {theta_head[CHAIN_M_C], theta_head[CHAIN_K_C], theta_head[CHAIN_C_C],
                                      model->parameters[0]};
     const double d_head[CHAIN_HEAD] = {0.0, 0.0, 0.0, along[0]};
-    double scratch[TABLES_STATE_SIZE], tangent[TABLES_STATE_SIZE], d_rest[TABLES_OUTPUTS];
+    double d_rest[TABLES_OUTPUTS];
     double found[TABLES_OUTPUTS + TABLES_LOCAL_MODELS];
     Tables own;
     const Tables *network = model_network(model, &own);
@@ -200,7 +200,7 @@ static COLD int model_add_parameter_tangent(const Model *model, const double *va
     }
     theta_rest_tangent(network, values[tables.scheduling], head[CHAIN_K_E], along[0], d_rest);
     if (chain_start_tangent(network, &theta_tables, head, model->parameters + 1, d_head, along + 1, d_rest,
-                            model->state, values, scratch, tangent, found)) {
+                            model->state, values, work, work + TABLES_STATE_SIZE, found)) {
         return 1;
     }
     for (int i = 0; i < TABLES_OUTPUTS; ++i) {

@@ -98,10 +98,13 @@ static void model_directional_derivative(
     wbm_derivatives_tangent(&model->constants, model->state, inputs, dx, du, change + VARIABLE_der_phi_1);
 }
 
+enum { MODEL_WORK = 1 };
+
 /* The equilibrium follows inputs and physical parameters; velocities and accelerations stay zero, and inner_step has no part
    in it. A parameter that follows another preset than the one it starts with jumps away from it: no derivative there. */
 static COLD int model_start_derivative(
-    const Model *model, const double *values, const double *direction, double *change, Message *message
+    const Model *model, const double *values, const double *direction, double *change, double *work,
+    Message *message
 ) {
     const double inputs[INPUTS] = {values[VARIABLE_eta], values[VARIABLE_M_pa]};
     const double du[INPUTS] = {direction[VARIABLE_eta], direction[VARIABLE_M_pa]};
@@ -109,6 +112,7 @@ static COLD int model_start_derivative(
     NumberedParameters d_chosen;
     double dx[STATE_COUNT] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, d_rate[STATE_COUNT], dy[OUTPUT_COUNT];
     int n;
+    (void)work;
     for (n = 0; n < PARAMETER_COUNT_OF_SET; ++n) {
         d_chosen.numbers[n] = direction[FIRST_PARAMETER + n];
         if (d_chosen.numbers[n] != 0.0 && chosen.numbers[n] != values[FIRST_PARAMETER + n]) {

@@ -147,12 +147,15 @@ static void model_directional_derivative(const Model *model, const double *value
     change[VARIABLE_reciprocal] = -du[1] / (values[VARIABLE_load] * values[VARIABLE_load]);
 }
 
+enum { MODEL_WORK = 1 };
+
 /** refused for drives above 4, to have a case that is */
 static int model_start_derivative(const Model *model, const double *values, const double *direction, double *change,
-                                  Message *message)
+                                  double *work, Message *message)
 {
     const double du[2] = {direction[VARIABLE_drive], direction[VARIABLE_load]};
     double dx[2];
+    (void)work;
     if (values[VARIABLE_drive] > 4.0) {
         message_append(message, "no derivative at this drive");
         return 1;

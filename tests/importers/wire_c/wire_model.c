@@ -93,9 +93,12 @@ static void model_directional_derivative(const Model *model, const double *value
     (void)change;
 }
 
+enum { MODEL_WORK = 1 };
+
 static int model_start_derivative(const Model *model, const double *values, const double *direction, double *change,
-                                  Message *message)
+                                  double *work, Message *message)
 {
+    (void)work;
     (void)model;
     (void)values;
     (void)message;

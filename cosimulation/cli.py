@@ -285,6 +285,38 @@ def study(
         raise typer.Exit(1)
 
 
+@app.command()
+def sweep(
+    settings: Settings,
+    output: Annotated[Path | None, typer.Option(help="Stands in for `output`.", show_default=False)] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Run on the Dask cluster of this scheduler: tcp://HOST:PORT.", show_default=False),
+    ] = None,
+    processes: Annotated[
+        int | None, typer.Option(help="Stands in for `processes`.", show_default=False)
+    ] = None,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Run again what failed, crashed or took too long earlier.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Run models x signals x parameters x seeds, or what is left of it; exit status 1 when a run failed."""
+    from cosimulation.settings import load_settings, settings_line, with_flags
+    from cosimulation.sweep import SweepSettings, run_sweep
+
+    chosen = with_flags(load_settings(SweepSettings, settings), output=output, processes=processes)
+    reporter = _reporter(as_json)
+    reporter.say(settings_line(chosen, settings))
+    try:
+        result = run_sweep(chosen, scheduler, retry, reporter)
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    _print(result.summary(), as_json, result.text())
+    if not result.passed:
+        raise typer.Exit(1)
+
+
 def main() -> None:
     """Run the command; every error a user can mend is one message and exit status 1."""
     one_thread_each()  # before the commands load numpy

@@ -24,12 +24,43 @@ FMI2_WARNING = 1
 ROWS_BETWEEN_PROGRESS = 2000
 
 
+def converted_start(fmu: OpenFmu, name: str, value: StartValue) -> StartValue:
+    """Return a start value as the type of its variable; text is read as a user would type it.
+
+    Raises:
+        FmuError: There is no such variable, or the value is none of its type.
+    """
+    variable = fmu.variable(name)
+    if isinstance(value, str) and variable.type == "Enumeration":
+        items = {item.name: int(item.value) for item in getattr(variable.declaredType, "items", None) or ()}
+        if value not in items:
+            mend = f"Choose of {', '.join(items)}"
+            raise FmuError.of(fmu.path.name, f"{variable.name} has no item {value!r}", mend)
+        return items[value]
+    if variable.type == "String":
+        return str(value)
+    truth = {"true": True, "false": False, "1": True, "0": False}
+    if variable.type == "Boolean" and (found := truth.get(str(value).lower().removesuffix(".0"))) is not None:
+        return found
+    try:
+        number = float("nan" if isinstance(value, bool) else value)
+    except (ValueError, OverflowError):
+        number = float("nan")
+    if variable.type in ("Enumeration", "Integer") and number.is_integer():
+        return int(number)
+    if variable.type == "Real" and np.isfinite(number):
+        return number
+    what = f"{variable.name} = {value!r} is no value of the type {variable.type}"
+    raise FmuError.of(fmu.path.name, what, "Give a value of this type")
+
+
 class FmuInstance:
     """One running instance of a co-simulation FMU; made by `running_fmu`."""
 
     def __init__(self, fmu: OpenFmu, instance_name: str) -> None:
         self.fmu = fmu
         self.messages: list[str] = []
+        self.flags: npt.NDArray[np.int32] = np.empty((0, 0), dtype=np.int32)
         self._callbacks = callbacks_for(self, self.messages.append)
         description = fmu.description
         try:
@@ -89,37 +120,8 @@ class FmuInstance:
             "String": self.slave.setString,
         }
         setter = setters.get(variable.type, self.slave.setReal)
-        converted = self._converted(variable, value)
+        converted = converted_start(self.fmu, name, value)
         self._call(setter, f"setting {name} = {value!r}", [variable.valueReference], [converted])
-
-    def _converted(self, variable: Any, value: StartValue) -> StartValue:
-        """Return a value as the type of a variable; text is read as a user would type it."""
-        if isinstance(value, str) and variable.type == "Enumeration":
-            items = {
-                item.name: int(item.value) for item in getattr(variable.declaredType, "items", None) or ()
-            }
-            if value not in items:
-                mend = f"Choose of {', '.join(items)}"
-                raise FmuError.of(self.fmu.path.name, f"{variable.name} has no item {value!r}", mend)
-            return items[value]
-        if variable.type == "String":
-            return str(value)
-        truth = {"true": True, "false": False, "1": True, "0": False}
-        if (
-            variable.type == "Boolean"
-            and (found := truth.get(str(value).lower().removesuffix(".0"))) is not None
-        ):
-            return found
-        try:
-            number = float("nan" if isinstance(value, bool) else value)
-        except (ValueError, OverflowError):
-            number = float("nan")
-        if variable.type in ("Enumeration", "Integer") and number.is_integer():
-            return int(number)
-        if variable.type == "Real" and np.isfinite(number):
-            return number
-        what = f"{variable.name} = {value!r} is no value of the type {variable.type}"
-        raise FmuError.of(self.fmu.path.name, what, "Give a value of this type")
 
     def get(self, names: Sequence[str]) -> FloatArray:
         """Return the present values of Real variables, in the order of `names`."""
@@ -131,8 +133,9 @@ class FmuInstance:
         self._call(self.slave.doStep, f"stepping at t = {begin:.6g} s", begin, duration)
 
     def reset(self) -> None:
-        """Return the instance to the state after instantiation."""
+        """Return the instance to the state after instantiation; what it said before is forgotten."""
         self._call(self.slave.reset, "resetting")
+        self.messages.clear()
 
     def directional_derivatives(self, unknowns: Sequence[str], knowns: Sequence[str]) -> FloatArray:
         """Return d unknown_i / d known_j [len(unknowns), len(knowns)] at the present point.
@@ -157,6 +160,7 @@ class FmuInstance:
         sample_time: float,
         start_values: Mapping[str, StartValue] | None = None,
         progress: Callable[[int], None] | None = None,
+        flags: Sequence[str] = (),
     ) -> FloatArray:
         """Initialise at the first row of `inputs` and co-simulate all rows.
 
@@ -167,6 +171,7 @@ class FmuInstance:
             sample_time: Communication step [s].
             start_values: Start values of variables that `inputs` do not drive.
             progress: Called now and then with the number of rows done since the last call.
+            flags: Boolean variables to read beside the outputs; they stand in `flags` afterwards.
 
         Returns:
             [N, len(output_names)] by the row rule of this module.
@@ -176,10 +181,14 @@ class FmuInstance:
         """
         self.fmu.require(input_names, "input", "Real")
         self.fmu.require(output_names, kind="Real")
+        self.fmu.require(flags, kind="Boolean")
+        self.flags = np.empty((len(inputs), len(flags)), dtype=np.int32)
         self._refuse_driven(input_names, start_values or {})
         first = dict(zip(input_names, inputs[0].tolist(), strict=True))
         self.initialise({**(start_values or {}), **first})
-        return self._loop(np.ascontiguousarray(inputs), input_names, output_names, sample_time, progress)
+        return self._loop(
+            np.ascontiguousarray(inputs), input_names, output_names, sample_time, progress, flags
+        )
 
     def _refuse_driven(self, input_names: Sequence[str], start_values: Mapping[str, StartValue]) -> None:
         what = "is an input that the data drive, so it starts with their first row"
@@ -199,8 +208,9 @@ class FmuInstance:
         output_names: Sequence[str],
         sample_time: float,
         progress: Callable[[int], None] | None,
+        flags: Sequence[str],
     ) -> FloatArray:
-        """Step through all rows with the library's functions called straight, 3 calls a row."""
+        """Step through all rows with the library's functions called straight, 3 calls a row, 4 with flags."""
         rows, columns = len(inputs), len(output_names)
         outputs = np.empty((rows, columns))
         set_real, get_real = self._function("fmi2SetReal"), self._function("fmi2GetReal")
@@ -211,9 +221,14 @@ class FmuInstance:
         out_references = self._reference_array(output_names)
         component = self.slave.component
         input_row, output_row = inputs.ctypes.data, outputs.ctypes.data
+        get_flags, flag_references = self._function("fmi2GetBoolean"), self._reference_array(flags)
+        flag_row, flag_stride = self.flags.ctypes.data, self.flags.strides[0]
         for row in range(rows):
             status = set_real(component, in_references, inputs.shape[1], input_row)
             status = max(status, get_real(component, out_references, columns, output_row))
+            if flags:
+                status = max(status, get_flags(component, flag_references, len(flags), flag_row))
+                flag_row += flag_stride
             if row + 1 < rows:
                 status = max(status, do_step(component, row * sample_time, sample_time, 1))
             if status > FMI2_WARNING:

@@ -85,3 +85,7 @@ class BuildError(LlmnError, RuntimeError):
 
 class OutputError(LlmnError, OSError):
     """A result cannot be written."""
+
+
+class SweepError(LlmnError, RuntimeError):
+    """A sweep cannot go on; what it has recorded stays."""

@@ -108,7 +108,7 @@ class Workbench:
             same = all(np.array_equal(one, other) for one, other in zip(found, anew, strict=True))
             (self._tried if same else self._forgetful).add(model.sha256)
             found = anew
-        if wary:
+        if wary or model.sha256 in self._forgetful:
             self._drop(model)
         return found
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cosim import sweeps
 from cosim.whole_path import PLATFORMS, TEST_SECONDS, WholePath
 from cosimulation.candidates import identify_candidates
 from cosimulation.demo import generate_settings
@@ -18,6 +19,12 @@ from fmus.wbm import build_wbm
 @pytest.fixture(scope="session")
 def white_box(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_wbm(tmp_path_factory.mktemp("wbm") / "pantograph_wbm.fmu", PLATFORMS)
+
+
+@pytest.fixture(scope="session")
+def vendor(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU that does wrong what it is told to."""
+    return sweeps.build_vendor(tmp_path_factory.mktemp("vendor") / "vendor.fmu")
 
 
 @pytest.fixture(scope="session")

@@ -24,7 +24,7 @@ from fmu_builder.errors import SettingsError
 STATUSES = ("ok", "failed", "crashed", "timeout")
 PATIENCE = 60.0
 """Seconds that a cluster may be without workers."""
-_WRITE_EVERY = 1.0
+_WRITE_EVERY = 0.5
 """Seconds of results that a kill may cost at most, beside the runs under way."""
 _SHOWN = 5
 

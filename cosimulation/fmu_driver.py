@@ -6,8 +6,10 @@ Row k holds the inputs set at t_k and the outputs read at t_k after that set and
 from __future__ import annotations
 
 import ctypes
+import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +18,37 @@ from fmpy.fmi2 import FMU2Slave
 
 from cosimulation.fmu_file import OpenFmu
 from cosimulation.fmu_log import STATUS_NAMES, callbacks_for, forget
+from fmu_builder.compiler import load_native
 from fmu_builder.errors import FmuError, Problem
 
 FloatArray = npt.NDArray[np.float64]
 StartValue = float | int | bool | str
 FMI2_WARNING = 1
-ROWS_BETWEEN_PROGRESS = 2000
+ROWS_AT_ONCE = 500
+
+
+class _Drive(ctypes.Structure):
+    """What c/drive.c needs to know of an FMU and its signals."""
+
+    _fields_ = (
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("component", "set_real", "get_real", "get_boolean", "do_step")
+        ),
+        *((f"{name}_references", ctypes.c_void_p) for name in ("input", "output", "flag")),
+        *((name, ctypes.c_void_p) for name in ("inputs", "outputs", "flags")),
+        *((f"{name}_count", ctypes.c_size_t) for name in ("input", "output", "flag")),
+        ("rows", ctypes.c_longlong),
+        ("sample_time", ctypes.c_double),
+    )
+
+
+@functools.cache
+def _drive_rows() -> Any:
+    function = load_native("llmn_drive", Path(__file__).parent / "c" / "drive.c").drive_rows
+    function.argtypes = (ctypes.c_void_p, ctypes.c_longlong, ctypes.c_longlong, ctypes.c_void_p)
+    function.restype = ctypes.c_int
+    return function
 
 
 def converted_start(fmu: OpenFmu, name: str, value: StartValue) -> StartValue:
@@ -210,43 +237,33 @@ class FmuInstance:
         progress: Callable[[int], None] | None,
         flags: Sequence[str],
     ) -> FloatArray:
-        """Step through all rows with the library's functions called straight, 3 calls a row, 4 with flags."""
-        rows, columns = len(inputs), len(output_names)
-        outputs = np.empty((rows, columns))
-        set_real, get_real = self._function("fmi2SetReal"), self._function("fmi2GetReal")
-        do_step = self.slave.dll["fmi2DoStep"]
-        do_step.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
-        do_step.restype = ctypes.c_int
-        in_references = self._reference_array(input_names)
-        out_references = self._reference_array(output_names)
-        component = self.slave.component
-        input_row, output_row = inputs.ctypes.data, outputs.ctypes.data
-        get_flags, flag_references = self._function("fmi2GetBoolean"), self._reference_array(flags)
-        flag_row, flag_stride = self.flags.ctypes.data, self.flags.strides[0]
-        for row in range(rows):
-            status = set_real(component, in_references, inputs.shape[1], input_row)
-            status = max(status, get_real(component, out_references, columns, output_row))
-            if flags:
-                status = max(status, get_flags(component, flag_references, len(flags), flag_row))
-                flag_row += flag_stride
-            if row + 1 < rows:
-                status = max(status, do_step(component, row * sample_time, sample_time, 1))
-            if status > FMI2_WARNING:
-                self._checked(status, f"stepping at t = {row * sample_time:.6g} s")
-            input_row += inputs.strides[0]
-            output_row += outputs.strides[0]
-            if progress and (row + 1) % ROWS_BETWEEN_PROGRESS == 0:
-                progress(ROWS_BETWEEN_PROGRESS)
+        """Step through all rows in C, some hundred at a time, so that progress and Ctrl-C have their turn."""
+        rows = len(inputs)
+        outputs = np.empty((rows, len(output_names)))
+        references = [self._reference_array(names) for names in (input_names, output_names, flags)]
+        drive = _Drive(
+            self.slave.component,
+            *(self._address(name) for name in ("SetReal", "GetReal", "GetBoolean", "DoStep")),
+            *(ctypes.addressof(item) for item in references),
+            *(item.ctypes.data for item in (inputs, outputs, self.flags)),
+            *(len(names) for names in (input_names, output_names, flags)),
+            rows,
+            sample_time,
+        )
+        reached = ctypes.c_longlong()
+        for first in range(0, rows, ROWS_AT_ONCE):
+            count = min(ROWS_AT_ONCE, rows - first)
+            status = _drive_rows()(ctypes.byref(drive), first, count, ctypes.byref(reached))
+            self._checked(status, f"stepping at t = {reached.value * sample_time:.6g} s")
+            if progress:
+                progress(count)
         if not np.isfinite(outputs).all():
             bad = int(np.argmax(~np.isfinite(outputs).all(axis=1)))
             raise self._error(f"returned a value that is not finite at t = {bad * sample_time:.6g} s")
         return outputs
 
-    def _function(self, name: str) -> Any:
-        function = self.slave.dll[name]
-        function.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)
-        function.restype = ctypes.c_int
-        return function
+    def _address(self, name: str) -> int | None:
+        return ctypes.cast(self.slave.dll[f"fmi2{name}"], ctypes.c_void_p).value
 
     def _reference_array(self, names: Sequence[str]) -> Any:
         return (ctypes.c_uint * len(names))(*(self._references[name] for name in names))

@@ -64,6 +64,8 @@ class SignalSettings(Section):
             wrong.append("a duration goes with a kind, and a kind with a duration")
         if (self.kind == "operating_point") != (self.height is not None):
             wrong.append("a height goes with the kind operating_point, and with no other")
+        if self.duration is not None and round(self.duration / self.excitation.sample_time) < 1:
+            wrong.append("the duration is below one sample time")
         if not self.low < self.high:
             wrong.append(f"low {self.low:g} is not below high {self.high:g}")
         if wrong:

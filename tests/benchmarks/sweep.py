@@ -1,9 +1,9 @@
 """What reuse of instances gains, and whether a sweep bears kills. Run: python -m tests.benchmarks.sweep
 
-With --quick it takes a fraction of the time. The first part times the same runs three ways on one processor: a
-worker that resets its instance, a new instance per run, one call of fmpy's `simulate_fmu` per run on the archive.
-The second starts a sweep of 500 runs, kills its whole process group with SIGKILL at 20 random points, lets it
-end, and compares the table with that of an undisturbed sweep, byte for byte.
+With --quick it takes a fraction of the time. The first part times the same runs three ways on one
+processor: a worker that resets its instance, a new instance per run, one call of fmpy's `simulate_fmu` per
+run on the archive. The second starts a sweep of 500 runs, kills its whole process group with SIGKILL at 20
+random points, lets it end, and compares the table with that of an undisturbed sweep, byte for byte.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ processes = 2
 chunk_rows = 10000
 seeds = {seeds}
 outputs = ["F_p"]
-reference = {{ fmu = "{fmu}", start_values = {{ preset = "Blow" }} }}
-models = [{{ fmu = "{fmu}", start_values = {{ preset = "Blow" }} }}]
+reference = {{ fmu = "{fmu}", start_values = {{ preset = 4 }} }}
+models = [{{ fmu = "{fmu}", start_values = {{ preset = 4 }} }}]
 
 [[signals]]
 name = "middle"

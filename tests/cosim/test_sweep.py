@@ -249,6 +249,7 @@ def test_everything_wrong_is_said_at_once(vendor: Path, tmp_path: Path) -> None:
         ({"parameters": [{"name": "gain", "values": [1, 1]}]}, "more than once"),
         ({"parameters": [{"name": "gain", "values": [1], "models": ["b"]}]}, "not there"),
         ({"signals": [{"name": "s", "kind": "whole_range"}]}, "a duration goes with a kind"),
+        ({"signals": [{"name": "s", "kind": "whole_range", "duration": 1e-4}]}, "below one sample"),
         ({"signals": [{"name": "s"}]}, "either a file or a kind"),
         ({"colour": "red"}, "there is no such key"),
     ],

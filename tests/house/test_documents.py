@@ -112,12 +112,28 @@ def test_the_wheel_holds_the_packages_and_their_sources_only(tmp_path: Path) -> 
         "fmus/wbm/c/wbm_equations.c",
         "fmus/wbm/parameters.json",
         "identification/surrogate/c/output_error.c",
+        "cosimulation/c/drive.c",
         "cosimulation/studies/demo.toml",
         "fmus/surrogate/pantograph_surrogate.fmu",
         "fmus/n4sid_blow/parameters.json",
         "fmus/n4sid_blow/README.md",
     ):
         assert needed in names
+
+
+def test_the_commands_of_the_page_on_sweeps_run(tmp_path: Path) -> None:
+    (settings,) = blocks("docs/sweep.md", "toml")
+    short = settings.replace("duration = 10.0", "duration = 0.5").replace("seeds = [1, 2, 3]", "seeds = [1]")
+    (tmp_path / "sweep.toml").write_text(short, encoding="utf-8")
+    (commands,) = blocks("docs/sweep.md", "sh")
+    lines = [line.split("#")[0].split()[1:] for line in commands.splitlines()]
+    assert [line[0] for line in lines] == ["build", "build", "sweep", "sweep", "sweep"]
+    for line in lines:
+        only = ["--platform", "linux64"] if line[0] == "build" else []
+        told = run(tmp_path, sys.executable, "-m", "cosimulation", *line, *only)
+        if "--json" in line:
+            found = json.loads(told)
+            assert found["runs"] == found["recorded_before"] == found["ok"] == 2 * 2 * 4
 
 
 def test_settings_examples_are_valid_toml() -> None:

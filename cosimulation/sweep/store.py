@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +50,10 @@ class Store:
         for leftover in self._parts.glob(".part-*"):  # of a write that was killed
             leftover.unlink()
         self.rows: dict[str, Row] = {}
-        names = sorted(self._parts.glob("part-*.parquet"))
-        for path in names:
+        parts = sorted(self._parts.glob("part-*.parquet"))
+        for path in parts:
             self.rows |= {row["key"]: row for row in _read(path)}
-        self._next = 1 + max((int(path.stem.removeprefix("part-")) for path in names), default=0)
+        self._next = 1 + max((int(path.stem.removeprefix("part-")) for path in parts), default=0)
 
     def append(self, rows: Sequence[Row], runs: Mapping[str, Run], bench: Bench) -> None:
         """Write one part file with these rows.
@@ -162,18 +162,19 @@ def opened_store(folder: Path) -> Iterator[Store]:
         DataError: A part file is damaged.
     """
     label = folder / _LABEL
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        stranger = any(item.name != _LOCK for item in folder.iterdir()) and not _is_ours(label)
-        if stranger:
-            what = f"holds files that no sweep wrote (no {_LABEL} of one)"
-            raise OutputError.of(str(folder), what, "Choose a folder that does not exist yet")
-        with _locked(folder / _LOCK):
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if any(item.name != _LOCK for item in folder.iterdir()) and not _is_ours(label):
+                what = f"holds files that no sweep wrote (no {_LABEL} of one)"
+                raise OutputError.of(str(folder), what, "Choose a folder that does not exist yet")
+            stack.enter_context(_locked(folder / _LOCK))
             write_text(label, json.dumps({"format": FORMAT}) + "\n")
-            yield Store(folder)
-    except (FileExistsError, NotADirectoryError, PermissionError) as reason:
-        what = f"cannot be used ({reason.strerror or reason})"
-        raise OutputError.of(str(folder), what, "Choose another folder") from reason
+            store = Store(folder)
+        except (FileExistsError, NotADirectoryError, PermissionError) as reason:
+            what = f"cannot be used ({reason.strerror or reason})"
+            raise OutputError.of(str(folder), what, "Choose another folder") from reason
+        yield store
 
 
 def _is_ours(label: Path) -> bool:

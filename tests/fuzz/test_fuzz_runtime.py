@@ -89,7 +89,9 @@ FAULTS: dict[str, tuple[str, str, str, str, str]] = {
         "refuses what is right",
     ),
     "number never written": (
-        "memory", "derivatives.c", "direction[k] = 0.0;", "", "use-of-uninitialized-value",
+        "memory", "instance.c", "    message_clear(message);\n    if (instance == NULL)",
+        "    if (instance == NULL)",
+        "use-of-uninitialized-value",
     ),
     "memory not given back": (
         "behaviour", "saved_states.c", "free(*FMUstate);", "", "blocks of memory are not given back",
@@ -112,8 +114,9 @@ FAULTS: dict[str, tuple[str, str, str, str, str]] = {
         "took what it must not",
     ),
     "instances share": (
-        "behaviour", "instance.c", "if (!is_outside(vr, value) || instance->warned[vr])",
-        "static int said; if (!is_outside(vr, value) || said++ > 0)", "on an instance that had a quiet life",
+        "behaviour", "slave.c", "slave->latched[k] = slave->values[k];",
+        "static int done; slave->latched[k] = slave->values[k] + 1e-9 * ++done;",
+        "something outlives a reset",
     ),
     "error with an effect": (
         "behaviour", "functions.c", "if (!instance_accepts(",

@@ -81,12 +81,13 @@ static void slave_set_states(Slave *slave, const double *states)
 /** indicators[0..EVENT_INDICATORS) of the present states and inputs */
 static int slave_event_indicators(Slave *slave, double *indicators, Message *message)
 {
+    if (EVENT_INDICATORS == 0) {
+        return 0;
+    }
     if (slave_prepare_model(slave, message) != 0) {
         return 1;
     }
-    if (EVENT_INDICATORS > 0) {
-        model_event_indicators(&slave->model, slave->values, indicators);
-    }
+    model_event_indicators(&slave->model, slave->values, indicators);
     return 0;
 }
 

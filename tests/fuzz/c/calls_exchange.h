@@ -102,6 +102,22 @@ static void call_set_states(Pair *pair)
     free(states);
 }
 
+static void call_get_indicators(Pair *pair)
+{
+    const int legal = legal_in(pair->kind, 0, READABLE);
+    const int right = EVENT_INDICATORS == 0 ? MUST_WORK : MAY_FAIL; /* a model that cannot start has none */
+    const size_t count = EVENT_INDICATORS;
+    double *found = block(count, sizeof *found);
+    fmi2Status status;
+    ASK(pair, legal, right, GetEventIndicators, found, count);
+    for (size_t k = 0; status == fmi2OK && k < count; ++k) {
+        REQUIRE(isfinite(found[k]), "an event indicator is %g", found[k]);
+    }
+    free(found);
+    ASK(pair, legal, EVENT_INDICATORS == 0 ? MUST_WORK : MUST_FAIL, GetEventIndicators, NULL, EVENT_INDICATORS);
+    ASK(pair, legal, MUST_FAIL, GetEventIndicators, NULL, EVENT_INDICATORS + 1 + take_below(3));
+}
+
 static void call_get_states(Pair *pair)
 {
     const size_t count = take_chance(8) ? take_below(12) : CONTINUOUS_STATES;
@@ -122,10 +138,9 @@ static void call_get_states(Pair *pair)
         REQUIRE(found[k] > 0.0 && isfinite(found[k]), "a nominal is %g", found[k]);
     }
     free(found);
-    ASK(pair, legal_in(pair->kind, 0, READABLE), MUST_WORK, GetEventIndicators, NULL, 0);
-    ASK(pair, legal_in(pair->kind, 0, READABLE), MUST_FAIL, GetEventIndicators, NULL, 1 + take_below(3));
     if (CONTINUOUS_STATES > 0) {
         ASK(pair, legal_in(pair->kind, 0, READABLE), MUST_FAIL, GetContinuousStates, NULL, CONTINUOUS_STATES);
         ASK(pair, legal_in(pair->kind, 0, READABLE), MUST_FAIL, GetDerivatives, NULL, CONTINUOUS_STATES);
     }
+    call_get_indicators(pair);
 }

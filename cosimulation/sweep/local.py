@@ -2,6 +2,7 @@
 
 Every worker has a pipe of its own and tells each result as it comes, so that it is known which run a process
 died in. That run is repeated as the first of a new process; if that dies too, it is the run's own doing.
+Somebody else may have ended one process, and an earlier run may have damaged its memory.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -29,6 +30,8 @@ from fmu_builder.errors import SweepError
 CRASHED = "the FMU ended the process that it ran in"
 _TICK = 1.0
 """Seconds after which a caller hears from us even where nothing has happened."""
+_STILLBORN = 3
+"""Processes that may end at their start, one after the other."""
 _GRACE = 5.0
 """Seconds that a worker has to end by itself."""
 
@@ -117,6 +120,8 @@ class LocalPool:
         self._workers: list[_Worker] = []
         self._chunks: deque[Sequence[Run]] = deque()
         self._suspects: deque[Run] = deque()
+        self._deaths: Counter[str] = Counter()
+        self._stillborn = 0
 
     def rows(self, chunks: Sequence[Sequence[Run]]) -> Iterator[list[Row]]:
         """Yield rows as they come, and nothing now and then; ends all processes at the end.
@@ -176,6 +181,7 @@ class LocalPool:
         worker.deadline = time.monotonic() + self._limit
         if row is None:
             worker.ready = True
+            self._stillborn = 0
             return
         worker.pending.popleft()
         worker.answered += 1
@@ -187,12 +193,17 @@ class LocalPool:
         worker.end(at_once=True)
         cause = worker.process.exitcode
         if not worker.ready:
-            what = f"a worker process ended before it did anything (exit status {cause})"
-            raise SweepError.of("sweep", what, "See whether Python can start processes here, and memory")
+            self._stillborn += 1
+            self._chunks.appendleft(list(worker.pending))
+            if self._stillborn == _STILLBORN:
+                what = f"worker processes end before they do anything (exit status {cause})"
+                raise SweepError.of("sweep", what, "See whether Python can start processes here, and memory")
+            return
         if not worker.pending:
             return
         run = worker.pending.popleft()
-        if worker.answered:
+        self._deaths[run.key] += 1
+        if worker.answered or self._deaths[run.key] == 1:  # somebody else may have ended it
             self._suspects.append(run)
         else:
             self._say(f"{self._name(run)}: {CRASHED} (exit status {cause})")

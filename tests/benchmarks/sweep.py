@@ -143,9 +143,10 @@ def killed(folder: Path, fmu: Path, runs: int, kills: int, duration: float) -> b
     (folder / "sweep").rename(folder / "undisturbed")
     counts: list[int] = []
     twice = 0
-    for _ in range(kills):
+    for kill in range(kills):
         process = subprocess.Popen(command(file), start_new_session=True, stdout=subprocess.DEVNULL)
-        time.sleep(chance.uniform(0.3 * start, start + 1.6 * (whole - start) / kills))
+        left = (whole - start) * (1.0 - (counts[-1] if counts else 0) / runs)  # never all of it before a kill
+        time.sleep(chance.uniform(0.3 * start, start + 0.7 * left / min(kills - kill, 10)))
         if process.poll() is not None:
             break
         os.killpg(process.pid, signal.SIGKILL)

@@ -17,10 +17,11 @@ from cosimulation.fmu_file import open_fmu
 from cosimulation.settings import load_settings
 from cosimulation.sweep import SweepSettings, run_sweep
 from cosimulation.sweep.bench import open_bench
+from cosimulation.sweep.local import LocalPool
 from cosimulation.sweep.plan import runs_of
 from cosimulation.sweep.store import opened_store
-from cosimulation.sweep.worker import Workbench
-from fmu_builder.errors import DataError, OutputError
+from cosimulation.sweep.worker import Row, Workbench
+from fmu_builder.errors import DataError, OutputError, SweepError
 
 DEED = sweeps.DEED
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,6 +70,43 @@ def test_a_crash_is_laid_to_the_run_that_crashes_alone(vendor: Path, tmp_path: P
     )
     assert run_sweep(settings).passed
     assert len(sweeps.table(tmp_path / "sweep")) == 6
+
+
+def test_a_worker_that_somebody_ends_costs_nothing(
+    vendor: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard, ended = LocalPool._heard, []
+
+    def one_ends(pool: LocalPool) -> list[Row]:
+        several = [worker for worker in pool._workers if len(worker.pending) > 1]  # no suspect alone
+        alive = [worker for worker in several if worker.ready == bool(ended)]
+        if len(ended) < 6 and alive:  # the first while it starts, the others at work
+            alive[0].process.kill()
+            ended.append(alive[0].process.pid)
+        return heard(pool)
+
+    settings = sweeps.vendor_settings(vendor, tmp_path / "one", processes=2, seeds=list(range(100)))
+    undisturbed = run_sweep(settings.model_copy(update={"output": tmp_path / "other"}))
+    monkeypatch.setattr(LocalPool, "_heard", one_ends)
+    result = run_sweep(settings)
+    assert result.passed and len(ended) == 6
+    assert result.results.read_bytes() == undisturbed.results.read_bytes()
+
+
+def test_workers_that_cannot_start_are_said(
+    vendor: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard = LocalPool._heard
+
+    def all_end(pool: LocalPool) -> list[Row]:
+        for worker in pool._workers:
+            worker.process.kill()
+            worker.process.join()
+        return heard(pool)
+
+    monkeypatch.setattr(LocalPool, "_heard", all_end)
+    with pytest.raises(SweepError, match="end before they do anything"):
+        run_sweep(sweeps.vendor_settings(vendor, tmp_path))
 
 
 @pytest.mark.parametrize("deed", ["forgets_reset", "refuses_reset"])

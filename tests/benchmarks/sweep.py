@@ -142,11 +142,16 @@ def killed(folder: Path, fmu: Path, runs: int, kills: int, duration: float) -> b
     whole, start = seconds
     (folder / "sweep").rename(folder / "undisturbed")
     counts: list[int] = []
-    twice = 0
+    twice, parts = 0, folder / "sweep" / "parts"
     for kill in range(kills):
         process = subprocess.Popen(command(file), start_new_session=True, stdout=subprocess.DEVNULL)
-        left = (whole - start) * (1.0 - (counts[-1] if counts else 0) / runs)  # never all of it before a kill
-        time.sleep(chance.uniform(0.3 * start, start + 0.7 * left / min(kills - kill, 10)))
+        if kill % 2:  # while results are written
+            known = len(list(parts.glob("part-*")))
+            while process.poll() is None and len(list(parts.glob("part-*"))) == known:
+                time.sleep(0.01)
+            time.sleep(chance.uniform(0.0, 0.3))
+        else:  # at any time of its start
+            time.sleep(chance.uniform(0.0, start))
         if process.poll() is not None:
             break
         os.killpg(process.pid, signal.SIGKILL)
@@ -174,7 +179,7 @@ def main(quick: bool) -> int:
         fmu = build_wbm(folder / "pantograph_wbm.fmu", (host_platform(),))
         lengths = ((0.1, 200), (1.0, 60)) if quick else ((0.1, 500), (1.0, 100), (10.0, 20))
         kept = [reuse(folder, fmu, duration, count) for duration, count in lengths]
-        kept.append(killed(folder, fmu, *((100, 4, 4.0) if quick else (500, KILLS, 8.0))))
+        kept.append(killed(folder, fmu, *((100, 4, 4.0) if quick else (500, KILLS, 20.0))))
     return int(not all(kept))
 
 

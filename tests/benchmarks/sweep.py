@@ -146,8 +146,8 @@ def killed(folder: Path, fmu: Path, runs: int, kills: int, duration: float) -> b
     for kill in range(kills):
         process = subprocess.Popen(command(file), start_new_session=True, stdout=subprocess.DEVNULL)
         if kill % 2:  # while results are written
-            known = len(list(parts.glob("part-*")))
-            while process.poll() is None and len(list(parts.glob("part-*"))) == known:
+            wanted = len(list(parts.glob("part-*"))) + chance.randint(1, 3)
+            while process.poll() is None and len(list(parts.glob("part-*"))) < wanted:
                 time.sleep(0.01)
             time.sleep(chance.uniform(0.0, 0.3))
         else:  # at any time of its start

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_chains import CHAIN, HEAD, random_chain, recorded, static_map
+from random_chains import CHAIN, HEAD, noisy, random_chain, recorded, static_map
 
 from fmu_builder.errors import IdentificationError
 from fmu_builder.parameter_set import SurrogateCertainty
@@ -23,7 +23,7 @@ ONE_MODEL = n4sid.N4sidSettings(local_models=1, subspace=SubspaceSettings(order=
 @pytest.fixture(scope="module")
 def found() -> tuple[SurrogateResult, DataSet]:
     """A linear plant with one local model, a few steps of output error."""
-    data = recorded(THETA, 2, 8.0, 1)
+    data = noisy(recorded(THETA, 2, 8.0), 2, 1)
     local = n4sid.identify([data], ONE_MODEL, static_map(THETA))
     return identify(local, [data], HEAD, SurrogateSettings(output_error={"iterations": 5})), data
 

@@ -9,10 +9,23 @@ from pathlib import Path
 
 import fmpy
 import numpy as np
-from fmpy.fmi2 import FMU2Slave
+from fmpy import calloc, free
+from fmpy.fmi2 import (
+    FMU2Slave,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+QUIET = fmi2CallbackFunctions()
+"""Callbacks that hear nothing and never go away: fmpy's own keep a dead logger once another one was used."""
+QUIET.logger = fmi2CallbackLoggerTYPE(lambda *_: None)
+QUIET.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+QUIET.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
 
 
 @contextmanager
@@ -31,7 +44,7 @@ def opened(path: Path, inputs: Array, ready: bool = True) -> Iterator[tuple[FMU2
         instanceName="test",
     )
     try:
-        slave.instantiate()
+        slave.instantiate(callbacks=QUIET)
         slave.setupExperiment(startTime=0.0)
         slave.enterInitializationMode()
         slave.setReal(controls, inputs.tolist())

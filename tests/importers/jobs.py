@@ -16,6 +16,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
+from fmu_runner import QUIET
 
 FOLDER = Path(__file__).parent
 
@@ -67,7 +68,7 @@ class Job:
                 modelIdentifier=description.coSimulation.modelIdentifier,
                 instanceName=name,
             )
-            slaves[name].instantiate()
+            slaves[name].instantiate(callbacks=QUIET)
             slaves[name].setupExperiment(startTime=0.0)
         self._set(slaves, references, self.starts)
         for slave in slaves.values():

@@ -64,7 +64,8 @@ def one_network(path: Path) -> tuple[str, bool]:
     limit = TABLE_SECONDS if len(models) > HAT_NODES else HAT_SECONDS
     kept = (shown.rate is None or shown.rate >= LEAST_RATE) and seconds <= limit
     rate = "any" if shown.rate is None else f"{shown.rate:g}"
-    size = len(network.replaced(certificate=certificate).canonical_json()) - len(network.canonical_json())
+    bare = network.replaced(certificate=None)
+    size = len(bare.replaced(certificate=certificate).canonical_json()) - len(bare.canonical_json())
     line = (
         f"{network.name:<28} rate {rate:>4}  decay {shown.decay:.3g} of"
         f" {(1.0 - radius) / network.sample_time:.3g} 1/s  FIT {SIGNAL} {fit_of(network, path)}"

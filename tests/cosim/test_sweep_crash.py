@@ -179,14 +179,14 @@ def test_a_sweep_killed_at_any_time_goes_on_and_ends_with_the_same_bytes(
     vendor: Path, tmp_path: Path
 ) -> None:
     """The long version, 500 runs and 20 kills, is tests/benchmarks/sweep.py."""
-    arguments, chance = command(tmp_path, vendor, 200), random.Random(6)
+    arguments, chance = command(tmp_path, vendor, 800), random.Random(6)  # seconds, also on a fast machine
     folder = tmp_path / "sweep"
     known: set[str] = set()
     for kill in range(2):
         process = started(tmp_path, arguments)
         if kill:
             wait_for_parts(process, folder, len(list((folder / "parts").glob("part-*.parquet"))))
-        time.sleep(chance.uniform(0.0, 0.3))
+        time.sleep(chance.uniform(0.0, 0.1))
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         now = sweeps.recorded(folder)
@@ -197,7 +197,7 @@ def test_a_sweep_killed_at_any_time_goes_on_and_ends_with_the_same_bytes(
     result = run_sweep(settings)
     assert result.recorded == len(known) and result.passed
     assert sorted(sweeps.recorded(folder)) == sorted(row["task"] for row in sweeps.table(folder))
-    assert len(sweeps.table(folder)) == 400 and not (folder / "work").exists()
+    assert len(sweeps.table(folder)) == 1600 and not (folder / "work").exists()
     assert not list((folder / "parts").glob(".*"))
     whole = run_sweep(settings.model_copy(update={"output": tmp_path / "whole"}))
     assert whole.results.read_bytes() == result.results.read_bytes()

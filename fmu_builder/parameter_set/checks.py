@@ -16,13 +16,19 @@ from pydantic.fields import FieldInfo
 
 from fmu_builder.errors import Problem
 from fmu_builder.files import unwritable_character
-from fmu_builder.parameter_set.components import DerivedOutput, InputSignal, LocalLinearModel, OutputSignal
+from fmu_builder.parameter_set.components import (
+    DerivedOutput,
+    InputSignal,
+    LocalLinearModel,
+    OutputSignal,
+    ResidualBands,
+)
 from fmu_builder.parameter_set.consistency import Parts, consistency_problems
 
-FORMAT = 2
+FORMAT = 3
 """The version of the format this program writes; it reads all up to it."""
 
-_FIRST_FORMAT = {"certificate": 2}
+_FIRST_FORMAT = {"certificate": 2, "trained_region": 3, "residual_bands": 3}
 """Fields that an earlier format does not have, and the first one that has them."""
 
 T = TypeVar("T")
@@ -31,6 +37,7 @@ _LISTS: dict[str, type[Any]] = {
     "outputs": OutputSignal,
     "local_models": LocalLinearModel,
     "derived_outputs": DerivedOutput,
+    "residual_bands": ResidualBands,
 }
 
 

@@ -307,6 +307,52 @@ class StabilityCertificate(Part):
     exclusion: CommonExclusion | None = None
 
 
+class TrainedRegion(Part):
+    """Where training data lie, beyond the limits that inputs and outputs carry themselves.
+
+    Attributes:
+        rate: Largest move of the scheduling input between two ticks, over the tick: its unit per second.
+        derived_outputs: Name of a derived output to its smallest and largest value.
+        frequency_bands: Name of an input to the lowest and highest frequency at which it was excited [Hz].
+    """
+
+    rate: Number
+    derived_outputs: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
+    frequency_bands: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
+
+
+class ResidualBands(Part):
+    """How far an output was from the reference on data held out of training, by height and frequency.
+
+    With H ranges of the scheduling input and F bands of frequency; None where the data tell nothing.
+
+    Attributes:
+        output: Name of an output or derived output.
+        positions: [H + 1] edges of the ranges of the scheduling input, ascending.
+        frequencies: [F + 1] edges of the bands [Hz], ascending.
+        coverage: Share of the held-out residuals inside `bound`, between 0 and 1.
+        rms: [H][F] root mean square of the residual, the output's unit.
+        bound: [H][F] what `coverage` of the residuals in that band do not exceed, the output's unit.
+        total: [H] the same of the residual in all bands together.
+        amplitude: [H][F] amplitude of the model over that of the reference.
+        phase: [H][F] phase of the model less that of the reference [rad].
+        seconds: [H] how long the held-out data were there [s].
+        held_out: Names of the experiments.
+    """
+
+    output: Text
+    positions: Vector
+    frequencies: Vector
+    coverage: Number
+    rms: tuple[tuple[Number | None, ...], ...]
+    bound: tuple[tuple[Number | None, ...], ...]
+    total: tuple[Number | None, ...]
+    amplitude: tuple[tuple[Number | None, ...], ...]
+    phase: tuple[tuple[Number | None, ...], ...]
+    seconds: Vector
+    held_out: tuple[Text, ...]
+
+
 @dataclass(frozen=True)
 class StabilityProof:
     """What a certificate was found to prove, for whoever builds with it; `identification.stability` makes it.

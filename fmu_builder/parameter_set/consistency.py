@@ -21,6 +21,7 @@ from fmu_builder.parameter_set.components import (
     Partition,
     StaticMap,
 )
+from fmu_builder.parameter_set.evidence import evidence_problems
 from fmu_builder.parameter_set.magnitudes import magnitude_problems
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
@@ -64,6 +65,7 @@ def consistency_problems(parts: Parts) -> list[Problem]:
         *_node_table(parts),
         *_offsets(parts),
         *_derived_outputs(parts),
+        *_evidence(parts),
         *magnitude_problems(parts.read),
     ]
 
@@ -329,6 +331,20 @@ def _derived_outputs(parts: Parts) -> Iterator[Problem]:
             if term.parameter not in derived.parameters:
                 what = f"{term.parameter!r} is not among the parameters of {derived.name!r}"
                 yield Problem(f"{place}.terms[{number}].parameter", what, "Define it there")
+
+
+def _evidence(parts: Parts) -> Iterator[Problem]:
+    def names(name: str) -> list[str] | None:
+        items = parts.read.get(name)
+        return None if items is None or None in items else parts.names_of(name)
+
+    yield from evidence_problems(
+        parts.read.get("trained_region"),
+        parts.list_of("residual_bands"),
+        names("inputs"),
+        names("outputs"),
+        names("derived_outputs"),
+    )
 
 
 def _length(vector: Sequence[float], wanted: int | None, place: str, per: str) -> Iterator[Problem]:

@@ -1,4 +1,4 @@
-"""The parameter set, format 2: reading, writing, identity."""
+"""The parameter set, format 3: reading, writing, identity."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ from fmu_builder.parameter_set.components import (
     OutputSignal,
     Part,
     Partition,
+    ResidualBands,
     StabilityCertificate,
     SurrogateParameters,
     Text,
+    TrainedRegion,
     by_name,
 )
 
@@ -54,6 +56,8 @@ class ParameterSet(Part):
         surrogate: Physical parameters of a surrogate, else None.
         declared_unstable: True lets unstable local models pass.
         certificate: Of stability; a claim until it is proved (`identification.stability`).
+        trained_region: Where training data lie; None: nobody has told.
+        residual_bands: Errors on held-out data; at most one per output.
         provenance: Hashes of data, settings and reference, seeds, versions; no clock, no path, no user name.
         scores: Score records as in scores.json.
         documentation: Free text for the model card.
@@ -61,7 +65,7 @@ class ParameterSet(Part):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    format: Literal[2] = 2
+    format: Literal[3] = 3
     name: Text
     kind: Literal["n4sid", "surrogate", "linear"]
     sample_time: Number
@@ -76,6 +80,8 @@ class ParameterSet(Part):
     surrogate: SurrogateParameters | None = None
     declared_unstable: bool = False
     certificate: StabilityCertificate | None = None
+    trained_region: TrainedRegion | None = None
+    residual_bands: tuple[ResidualBands, ...] = ()
     provenance: Annotated[dict[str, JsonValue], AfterValidator(by_name)] = Field(default_factory=dict)
     scores: tuple[dict[str, JsonValue], ...] = ()
     documentation: Text = ""
@@ -156,8 +162,8 @@ _IDENTITY: dict[str, Any] = {
 def model_hash(parameter_set: ParameterSet) -> str:
     """Return the SHA-256 (hex) of what the FMU computes with: numbers, names, units, node table.
 
-    Descriptions, limits of the outputs, kind, surrogate parameters, certificate, provenance, scores and
-    documentation stand outside it.
+    Descriptions, limits of the outputs, kind, surrogate parameters, certificate, trained region, residual
+    bands, provenance, scores and documentation stand outside it.
     """
     content = parameter_set.model_dump(mode="python", include=_IDENTITY) | {"format": _IDENTITY_FORMAT}
     return hashlib.sha256(canonical_json(content).encode("utf-8")).hexdigest()

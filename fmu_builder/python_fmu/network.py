@@ -34,7 +34,7 @@ def _cell(positions: Array, place: float) -> tuple[int, float]:
 
 
 class Network:
-    """The network of a parameter set (format 1 or 2) with m inputs, p outputs, M local models of n states.
+    """The network of a parameter set (format 1 to 3) with m inputs, p outputs, M local models of n states.
 
     Thesis eq. 3.98 (outputs blended) or 3.100-3.101 (matrices blended). K models carry a state of their own:
     M with output blending, else 1.

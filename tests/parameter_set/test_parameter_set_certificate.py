@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fmu_builder.errors import ParameterSetError
-from fmu_builder.parameter_set import ParameterSet, load
+from fmu_builder.parameter_set import FORMAT, ParameterSet, load
 
 
 def certified() -> ParameterSet:
@@ -32,20 +32,25 @@ def test_a_certificate_comes_back_bit_by_bit(tmp_path: Path) -> None:
     assert again.canonical_json() == certified().canonical_json()
 
 
-def test_format_1_is_read_and_becomes_format_2_under_the_same_hash(tmp_path: Path) -> None:
+def test_an_older_format_becomes_the_present_one_under_the_same_hash(tmp_path: Path) -> None:
     plain = networks.oscillators()
     old = json.loads(plain.canonical_json()) | {"format": 1}
-    del old["certificate"]
+    for name in ("certificate", "trained_region", "residual_bands"):
+        del old[name]
     (tmp_path / "old.json").write_text(json.dumps(old), encoding="utf-8")
     read = load(tmp_path / "old.json")
-    assert read == plain and read.format == 2
+    assert read == plain and read.format == FORMAT
     assert read.model_hash() == plain.model_hash()
 
 
 def test_format_1_knows_no_certificate() -> None:
     with pytest.raises(ParameterSetError) as caught:
         ParameterSet(**(json.loads(certified().canonical_json()) | {"format": 1}))
-    assert [problem.place for problem in caught.value.problems] == ["certificate"]
+    assert [problem.place for problem in caught.value.problems] == [
+        "certificate",
+        "residual_bands",
+        "trained_region",
+    ]
 
 
 @pytest.mark.parametrize("field", ["matrices", "method", "model_hash", "decay"])

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cosimulation.automatic import automatic_network, surrogate_warnings
+from cosimulation.bands import banded
 from cosimulation.data_folder import DataFolder
 from cosimulation.fmu_file import OpenFmu
 from cosimulation.linearise import linearise
@@ -104,11 +105,12 @@ def identify_candidates(
     local = identify(training, N4sidSettings(), data.static_map, DESCRIPTIONS)
     local = replace(local, provenance={**local.provenance, "origin": dict(data.origin)})
     forces = head_forces(wbm)
-    return (
+    found = (
         _linear(wbm, data, fmu, settings, forces),
         _surrogate(wbm, data, local, forces),
         *(_n4sid(wbm, *one, data, local, forces) for one in NETWORKS),
     )
+    return tuple(replace(one, parameter_set=banded(one.parameter_set, data).parameter_set) for one in found)
 
 
 def n4sid_labels(wbm: str, parameter_set: ParameterSet, local: LocalModels) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from cosimulation.automatic import (
     surrogate_warnings,
     warning_lines,
 )
+from cosimulation.bands import banded, bands_account
 from cosimulation.data_folder import DataFolder, load_data_folder
 from cosimulation.pantograph import DESCRIPTIONS, force_outputs
 from cosimulation.progress import SILENT, Reporter
@@ -28,6 +29,7 @@ from identification import surrogate as surrogates
 from identification.choice import Choice
 from identification.n4sid import LocalModels, N4sidSettings, identify
 from identification.network import AUTOMATIC, NetworkSettings
+from identification.residuals import ResidualSettings
 from identification.static_map import StaticMap
 from identification.tuning import TuningSettings
 from identification.warning import IdentificationWarning
@@ -76,6 +78,9 @@ class IdentifySettings(Section):
     network: NetworkSettings = Field(AUTOMATIC, description="what is not given stays automatic")
     tuning: TuningSettings = TuningSettings()
     surrogate: surrogates.SurrogateSettings = surrogates.SurrogateSettings()
+    residuals: ResidualSettings = Field(
+        ResidualSettings(), description="error bands from whole-range data of the split validation"
+    )
     head: HeadSettings | None = Field(None, description="of a pantograph")
     derived_outputs: tuple[DerivedOutputSettings, ...] = ()
     descriptions: dict[str, str] = Field(default_factory=lambda: dict(DESCRIPTIONS))
@@ -91,6 +96,14 @@ class IdentifySettings(Section):
         path, page = self.files
         if path == page:
             raise ValueError(f"page and parameter set cannot both be {path}")
+        return self
+
+    @model_validator(mode="after")
+    def _known_residuals(self) -> IdentifySettings:
+        known = (*self.n4sid.outputs, *(one.name for one in derived_outputs(self)))
+        if unknown := [name for name in self.residuals.outputs or () if name not in known]:
+            what = f"residuals.outputs: there is no {', '.join(unknown)}"
+            raise ValueError(f"{what}; name some of {', '.join(known)}")
         return self
 
     @property
@@ -115,6 +128,7 @@ class Identified:
         warnings: What makes it doubtful.
         diagnostics: More, by name.
         surrogate: Physical parameters and how they were found, of a surrogate.
+        bands_remark: Why there are no error bands of its predictions, "" where there are.
     """
 
     path: Path
@@ -125,6 +139,7 @@ class Identified:
     warnings: tuple[IdentificationWarning, ...]
     diagnostics: dict[str, Any]
     surrogate: surrogates.SurrogateResult | None = None
+    bands_remark: str = ""
 
     def summary(self) -> dict[str, object]:
         """Return the result for a machine."""
@@ -134,6 +149,8 @@ class Identified:
             "model_hash": self.parameter_set.model_hash(),
             "choices": [choice.record() for choice in self.choices],
             "warnings": [warning.record() for warning in self.warnings],
+            "residual_bands": [one.model_dump(mode="json") for one in self.parameter_set.residual_bands],
+            "residual_bands_remark": self.bands_remark,
             "diagnostics": {
                 **{
                     f"local model at {self.local.place(index)}": model.diagnostics
@@ -164,6 +181,7 @@ class Identified:
             *warning_lines(self.warnings),
         ]
         lines += [f"{key}: {_readable(value)}" for key, value in self.diagnostics.items()]
+        lines += bands_account(self.parameter_set, self.bands_remark)
         lines += ["", f"parameter set: {self.path}"]
         return "\n".join(
             lines if self.page is None else [*lines, f"singular values and choices: {self.page}"]
@@ -252,11 +270,13 @@ def identify_from_folder(settings: IdentifySettings, reporter: Reporter = SILENT
         "identify": _asked(settings),
         "origin": dict(data.origin),
     }
+    parameter_set, remark = banded(parameter_set.replaced(provenance=provenance), data, settings.residuals)
     path, page = settings.files
     result = Identified(
-        *(path, page, parameter_set.replaced(provenance=provenance), local, choices, warnings),
+        *(path, page, parameter_set, local, choices, warnings),
         {} if physical is None else _diagnostics(physical),
         physical,
+        remark,
     )
     _write(result)
     return result

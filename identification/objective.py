@@ -84,10 +84,10 @@ class Objective:
             what = f"{', '.join(unknown)}: the network has no such output"
             mend = f"Name some of {', '.join(example.output_names)}"
             raise IdentificationError.of("signals of the tuning", what, mend)
-        _refuse_other_scales(example, training)
+        refuse_other_scales(example, training)
         self._inputs = [data.matrix(example.input_names) for data in training]
         self._rows = [scored_rows(len(data)) for data in training]
-        targets = [_outputs(example, data)[rows] for data, rows in zip(training, self._rows, strict=True)]
+        targets = [outputs_of(example, data)[rows] for data, rows in zip(training, self._rows, strict=True)]
         size = np.sqrt(np.sum([((one - one.mean(axis=0)) ** 2).sum(axis=0) for one in targets], axis=0))
         # FIT knows no size of a signal at rest
         moving = dict(zip(example.output_names, np.any([moves(one) for one in targets], axis=0), strict=True))
@@ -147,7 +147,12 @@ class Objective:
         )
 
 
-def _refuse_other_scales(example: ParameterSet, training: Sequence[DataSet]) -> None:
+def refuse_other_scales(example: ParameterSet, training: Sequence[DataSet]) -> None:
+    """Refuse data that have another sample time or other units than a network.
+
+    Raises:
+        DataError: All problems of all data sets.
+    """
     signals = (*example.inputs, *example.outputs)
     names, units = [one.name for one in signals], [one.unit for one in signals]
     found = []
@@ -157,7 +162,7 @@ def _refuse_other_scales(example: ParameterSet, training: Sequence[DataSet]) -> 
         raise DataError(found)
 
 
-def _outputs(parameter_set: ParameterSet, data: DataSet) -> Array:
+def outputs_of(parameter_set: ParameterSet, data: DataSet) -> Array:
     """Return outputs and derived outputs of data in the network's order, shape (rows, p + R)."""
     names = [*(one.name for one in parameter_set.outputs), *parameter_set.input_names]
     signals = dict(zip(names, data.matrix(names).T, strict=True))

@@ -324,9 +324,12 @@ class TrainedRegion(Part):
 class ResidualBands(Part):
     """How far an output was from the reference on data held out of training, by height and frequency.
 
-    With H ranges of the scheduling input and F bands of frequency; None where the data tell nothing.
+    With H ranges of the scheduling input and F bands of frequency; None where the data tell nothing. They
+    belong to one model: a parameter set refuses those of another, and `ParameterSet.replaced` leaves them out
+    where it changes the model.
 
     Attributes:
+        model_hash: Of the model that was simulated.
         output: Name of an output or derived output.
         positions: [H + 1] edges of the ranges of the scheduling input, ascending.
         frequencies: [F + 1] edges of the bands [Hz], ascending.
@@ -334,12 +337,13 @@ class ResidualBands(Part):
         rms: [H][F] root mean square of the residual, the output's unit.
         bound: [H][F] what `coverage` of the residuals in that band do not exceed, the output's unit.
         total: [H] the same of the residual in all bands together.
-        amplitude: [H][F] amplitude of the model over that of the reference.
-        phase: [H][F] phase of the model less that of the reference [rad].
+        amplitude: [H][F] amplitude of what in the model moves with the reference, over that of the reference.
+        phase: [H][F] phase of the model less that of the reference [rad]; negative: the model is late.
         seconds: [H] how long the held-out data were there [s].
         held_out: Names of the experiments.
     """
 
+    model_hash: Text
     output: Text
     positions: Vector
     frequencies: Vector

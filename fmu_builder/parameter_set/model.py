@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, JsonValue
 
-from fmu_builder.errors import ParameterSetError
+from fmu_builder.errors import ParameterSetError, Problem
 from fmu_builder.files import write_text
 from fmu_builder.parameter_set.canonical import canonical_json, compact_json
 from fmu_builder.parameter_set.checks import FORMAT, problems_of
@@ -93,6 +94,8 @@ class ParameterSet(Part):
             if problems:
                 raise ParameterSetError(problems)
             super().__init__(**{**content, "format": FORMAT})
+            if foreign := _foreign_bands(self):
+                raise ParameterSetError(foreign)
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -117,11 +120,17 @@ class ParameterSet(Part):
     def replaced(self, **changes: Any) -> ParameterSet:
         """Return a copy with some fields replaced, checked like a new one.
 
+        Residual bands are those of one model: where the changes make another one, they are left out unless
+        they are among the changes.
+
         Raises:
             ParameterSetError: The result is not valid; every problem is named.
         """
-        content = {name: getattr(self, name) for name in type(self).model_fields}
-        return ParameterSet(**{**content, **changes})
+        content = {name: getattr(self, name) for name in type(self).model_fields} | changes
+        if not self.residual_bands or "residual_bands" in changes:
+            return ParameterSet(**content)
+        changed = ParameterSet(**{**content, "residual_bands": ()})
+        return changed if _foreign_bands(changed, self.residual_bands) else ParameterSet(**content)
 
     def canonical_json(self) -> str:
         """Return the text of the file: canonical JSON, exact to the last bit."""
@@ -138,6 +147,20 @@ class ParameterSet(Part):
     def save(self, path: Path) -> Path:
         """Write the file at once or not at all; see `save`."""
         return save(self, path)
+
+
+def _foreign_bands(
+    parameter_set: ParameterSet, bands: Sequence[ResidualBands] | None = None
+) -> list[Problem]:
+    """Return why residual bands, by default its own, are not those of a model."""
+    found = parameter_set.residual_bands if bands is None else bands
+    own = model_hash(parameter_set) if found else ""
+    mend = "Identify the model anew with held-out data, or leave the bands out"
+    return [
+        Problem(f"residual_bands[{index}].model_hash", "is that of another model", mend)
+        for index, one in enumerate(found)
+        if one.model_hash != own
+    ]
 
 
 _SIGNAL_IDENTITY = {"name", "unit", "operating_point"}

@@ -20,7 +20,8 @@ def evidence() -> dict[str, Any]:
     """Two ranges of the scheduling input, three bands of frequency; one cell unknown."""
     rows = [[0.1, 0.2, None], [0.3, 0.1, 0.7]]
     band = {
-        "output": OUTPUT, "positions": [0.5, 1.25, 2.5], "frequencies": [0.0, 5.0, 15.0, 500.0],
+        "model_hash": PLAIN.model_hash(), "output": OUTPUT, "positions": [0.5, 1.25, 2.5],
+        "frequencies": [0.0, 5.0, 15.0, 500.0],
         "coverage": 0.95, "rms": rows, "bound": rows, "total": [0.9, 1.1], "amplitude": rows,
         "phase": [[-0.1, 0.2, None], [0.3, 0.1, -0.7]], "seconds": [40.5, 39.0],
         "held_out": ["wr_validation"],
@@ -94,3 +95,20 @@ def test_bands_with_a_number_that_is_none_are_refused() -> None:
     bad = evidence()["residual_bands"][0] | {"rms": [[0.1, float("nan"), None], [0.1, 0.2, 0.3]]}
     with pytest.raises(ParameterSetError, match=r"residual_bands\[0\]\.rms\[0\]\[1\]"):
         with_evidence(residual_bands=[bad])
+
+
+def test_bands_of_another_model_are_refused() -> None:
+    foreign = evidence()["residual_bands"][0] | {"model_hash": "0" * 64}
+    with pytest.raises(ParameterSetError) as caught:
+        with_evidence(residual_bands=[foreign])
+    assert [problem.place for problem in caught.value.problems] == ["residual_bands[0].model_hash"]
+
+
+def test_bands_do_not_survive_a_change_of_the_model() -> None:
+    given = with_evidence()
+    assert given.replaced(documentation="text", scores=()).residual_bands == given.residual_bands
+    changed = given.replaced(name="another")
+    assert changed.residual_bands == () and changed.trained_region == given.trained_region
+    edited = json.loads(given.canonical_json()) | {"name": "another"}
+    with pytest.raises(ParameterSetError, match="another model"):
+        ParameterSet(**edited)

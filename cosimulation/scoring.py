@@ -35,12 +35,14 @@ class ScoredRun:
         outputs: What the FMU gave after the candidate's correction, [N, len(SIGNALS)].
         records: One score record per signal.
         seconds: Wall time of the co-simulation.
+        out_of_range: Share of the time out of the trained range, as the FMU tells it; None: it does not.
     """
 
     experiment: Experiment
     outputs: FloatArray
     records: tuple[dict[str, Any], ...]
     seconds: float
+    out_of_range: float | None = None
 
 
 def run_candidate(
@@ -66,7 +68,8 @@ def run_candidate(
         "seed": seed,
         "recommended": False,
     }
-    return ScoredRun(experiment, outputs, tuple(records(reference, outputs, SIGNALS, labels)), run.seconds)
+    scores = tuple(records(reference, outputs, SIGNALS, labels))
+    return ScoredRun(experiment, outputs, scores, run.seconds, run.out_of_range)
 
 
 def marked_recommended(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from cosimulation.fmu_driver import FloatArray, running_fmu
 from cosimulation.fmu_file import OpenFmu, open_fmu, same_unit
 from cosimulation.progress import SILENT, Reporter
-from fmu_builder.errors import DataError, Problem, SettingsError
+from fmu_builder.errors import DataError, ParameterSetError, Problem, SettingsError
 from fmu_builder.files import write_text
+from fmu_builder.parameter_set import ParameterSet, load
 from identification.data_set import DataSet, load_all
+from identification.residuals import inside
 from identification.scores import records
+
+IN_RANGE = "in_range"
+"""Boolean output of a network: whether it is inside the range it was trained in."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +36,7 @@ class CoSimulation:
         reference: What the experiment holds, the same shape.
         seconds: Wall time of the run.
         steps: Number of doStep calls.
+        out_of_range: Share of the time that the FMU's `in_range` was false; None: it has no such output.
     """
 
     signals: tuple[str, ...]
@@ -35,18 +44,34 @@ class CoSimulation:
     reference: FloatArray
     seconds: float
     steps: int
+    out_of_range: float | None = None
 
 
 @dataclass(frozen=True)
 class Validation:
-    """Scores of one FMU."""
+    """Scores of one FMU.
+
+    Attributes:
+        fmu: Name of its file.
+        records: Score records.
+        out_of_range: Share of time out of the trained range by experiment; of an FMU that tells it.
+        inside: By experiment and output, share of errors inside the FMU's own error bands; of one that has
+            them.
+    """
 
     fmu: str
     records: tuple[dict[str, Any], ...]
+    out_of_range: Mapping[str, float] = field(default_factory=dict)
+    inside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def summary(self) -> dict[str, object]:
         """Return the result for a machine."""
-        return {"fmu": self.fmu, "scores": list(self.records)}
+        return {
+            "fmu": self.fmu,
+            "scores": list(self.records),
+            "out_of_range": dict(self.out_of_range),
+            "inside_bands": {name: dict(shares) for name, shares in self.inside.items()},
+        }
 
     def text(self) -> str:
         """Return the result for a person: one line per experiment and signal."""
@@ -55,6 +80,15 @@ class Validation:
             fit = "-" if item["fit"] is None else f"{item['fit']:.2f}"
             worst = "-" if item["max_error"] is None else f"{item['max_error']:.6g}"
             lines.append(f"{item['data_set']:<24}{item['signal']:<12}{fit:>10}{worst:>14}")
+        lines += [
+            f"{name}: out of the trained range {100.0 * share:.2f} % of the time"
+            for name, share in self.out_of_range.items()
+        ]
+        lines += [
+            f"{name}: {100.0 * share:.1f} % of the errors of {signal} inside the error bands of the FMU"
+            for name, shares in self.inside.items()
+            for signal, share in shares.items()
+        ]
         return "\n".join(lines)
 
     def save(self, path: Path) -> None:
@@ -111,11 +145,24 @@ def co_simulate(
         FmuError: The FMU reports an error.
     """
     inputs, outputs = mapped_signals(fmu, data)
+    flags = _range_flags(fmu)
     with running_fmu(fmu, "validate") as instance:
         begin = time.perf_counter()
-        values = instance.run(data.matrix(inputs), inputs, outputs, data.sample_time, start_values, advance)
+        values = instance.run(
+            data.matrix(inputs), inputs, outputs, data.sample_time, start_values, advance, flags
+        )
         seconds = time.perf_counter() - begin
-    return CoSimulation(outputs, values, data.matrix(outputs), seconds, len(data) - 1)
+        outside = float(np.mean(instance.flags[:, 0] == 0)) if flags else None
+    return CoSimulation(outputs, values, data.matrix(outputs), seconds, len(data) - 1, outside)
+
+
+def _range_flags(fmu: OpenFmu) -> tuple[str, ...]:
+    """Return the Boolean output that tells whether an FMU is inside its trained range, if it has it."""
+    return tuple(
+        item.name
+        for item in fmu.description.modelVariables
+        if (item.name, item.type, item.causality) == (IN_RANGE, "Boolean", "output")
+    )
 
 
 def validate_fmu(
@@ -147,14 +194,46 @@ def validate_fmu(
         with open_fmu(reference) as fmu:
             experiments = [_with_outputs_of(fmu, data, reference_start or {}) for data in experiments]
     found: list[dict[str, Any]] = []
+    outside: dict[str, float] = {}
+    kept: dict[str, dict[str, float]] = {}
     with open_fmu(path) as fmu:
         _refuse_unfit(fmu, experiments)
+        known = _own_bands(fmu)
         with reporter.bar(f"co-simulating {path.name}", sum(map(len, experiments))) as advance:
             for data in experiments:
                 run = co_simulate(fmu, data, advance=advance)
                 labels = {"model": fmu.description.modelName, "data_set": data.name, "recommended": True}
                 found += records(run.reference, run.outputs, run.signals, labels)
-    return Validation(path.name, tuple(found))
+                if run.out_of_range is not None:
+                    outside[data.name] = run.out_of_range
+                if known is not None and (shares := _inside(known, data, run)):
+                    kept[data.name] = shares
+    return Validation(path.name, tuple(found), outside, kept)
+
+
+def _own_bands(fmu: OpenFmu) -> ParameterSet | None:
+    """Return the parameter set in an FMU if it holds error bands; None where there is none to be read."""
+    place = Path(fmu.folder) / "resources" / "parameter_set.json"
+    try:
+        found = load(place) if place.is_file() else None
+    except ParameterSetError:  # of another program, or another version of this one: scores do not need it
+        return None
+    return found if found is not None and found.residual_bands else None
+
+
+def _inside(parameter_set: ParameterSet, data: DataSet, run: CoSimulation) -> dict[str, float]:
+    """Return by output which share of errors lies inside the bands; nothing of outputs without data there."""
+    shares = {}
+    for bands in parameter_set.residual_bands:
+        if bands.output in run.signals:
+            column = run.signals.index(bands.output)
+            height = data.column(parameter_set.partition.scheduling)
+            share = inside(
+                bands, data.sample_time, height, run.reference[:, column], run.outputs[:, column]
+            ).whole
+            if math.isfinite(share):
+                shares[bands.output] = share
+    return shares
 
 
 def _refuse_unfit(fmu: OpenFmu, experiments: Sequence[DataSet]) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from cosimulation.report.bands import model_tables
 from cosimulation.report.choices import ORDER_RULE, choice_rows
 from cosimulation.report.figures.singular_values import singular_values_figure
 from cosimulation.report.surrogate import surrogate_table
@@ -39,6 +40,8 @@ def identification_page(result: Identified) -> str:
         surrogate=None
         if result.surrogate is None
         else surrogate_table(chosen.name, result.surrogate, "surrogate"),
+        bands=model_tables(chosen),
+        bands_remark=result.bands_remark,
         provenance=json.dumps(provenance, indent=1, sort_keys=True),
     )
 

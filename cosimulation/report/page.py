@@ -12,7 +12,9 @@ from markupsafe import Markup
 
 from cosimulation.pantograph import SIGNALS
 from cosimulation.report import thesis
+from cosimulation.report.bands import outside_rows, set_tables, without_bands
 from cosimulation.report.choices import ORDER_RULE, ChoiceRow, choice_rows
+from cosimulation.report.figures.bands import bands_figure
 from cosimulation.report.figures.contact_force import close_up_figure, overview_figure, scheduled
 from cosimulation.report.figures.poles import poles_figure
 from cosimulation.report.figures.singular_values import singular_values_figure
@@ -25,6 +27,7 @@ from cosimulation.report.template import rendered
 from cosimulation.report.verdict import percent, verdict
 from cosimulation.report.views import SetView, views
 from fmus.wbm import parameter_sets
+from identification.residuals import SPECIFIED
 from identification.scores import SCORED_FRACTION
 
 if TYPE_CHECKING:
@@ -39,6 +42,7 @@ CONTENTS = (
     ("fit", "FIT per signal"),
     ("time", "Contact force over time"),
     ("spectra", "Spectra"),
+    ("bands", "How far off is the contact force?"),
     ("order", "Order and other choices"),
     ("poles", "Poles"),
     ("surrogate", "Surrogate"),
@@ -66,6 +70,7 @@ def render(result: DemoResult) -> str:
         thesis_best=percent(thesis.BEST_CONTACT_FORCE),
         linear_remark=thesis.LINEAR_REMARK,
         scored_percent=f"{100.0 * SCORED_FRACTION:g}",
+        specified=f"{SPECIFIED:g}",
         segment=f"{SEGMENT_SECONDS:.3g}",
         furthest=f"{FURTHEST:g}",
         order_rule=ORDER_RULE,
@@ -97,6 +102,10 @@ def _set_content(view: SetView) -> dict[str, Any]:
         "overview": Markup(overview_figure(view)),
         "close_up": Markup(close_up_figure(view)),
         "spectra": Markup(spectra_figure(view)),
+        "bands": set_tables(view),
+        "bands_figure": Markup(bands_figure(view)),
+        "without_bands": without_bands(view),
+        "outside_rows": outside_rows(view),
         "singular_values": _singular_values(view),
         "choices": _choices(view),
         "warnings": view.result.warnings,

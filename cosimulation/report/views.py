@@ -12,7 +12,7 @@ from cosimulation.candidates import Candidate
 from cosimulation.pantograph import SIGNALS
 from cosimulation.report.thesis import PublishedFit, counterpart
 from cosimulation.scoring import DECIDING_SIGNAL, ScoredRun
-from fmu_builder.parameter_set import ParameterSet
+from fmu_builder.parameter_set import ParameterSet, ResidualBands
 from identification.arrays import Array
 from identification.scores import scored_rows
 
@@ -60,6 +60,14 @@ class ModelView:
     def parameter_set(self) -> ParameterSet:
         """The network."""
         return self.candidate.parameter_set
+
+    @property
+    def bands(self) -> ResidualBands | None:
+        """Error bands of the contact force as its runs have it; None where the mean error was subtracted."""
+        if self.candidate.offset_subtracted:
+            return None
+        found = self.parameter_set.residual_bands
+        return next((one for one in found if one.output == DECIDING_SIGNAL), None)
 
     @property
     def published(self) -> PublishedFit | None:

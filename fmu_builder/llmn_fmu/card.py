@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
+from itertools import pairwise
 
 from pydantic import JsonValue
 
@@ -56,6 +57,7 @@ def model_card(parameter_set: ParameterSet, shown: Interface, proof: StabilityPr
         *_variables(shown),
         *_parameters(shown),
         *_scores(parameter_set),
+        *_bands(parameter_set),
         *_told(parameter_set, _CHOICES, "What was chosen automatically", _CHOICE_COLUMNS),
         *_provenance(parameter_set),
     ]
@@ -204,6 +206,38 @@ def _scores(parameter_set: ParameterSet) -> Iterator[str]:
         yield "<h2>Scores</h2>"
         rows = [[_number(record.get(name)) for name in _SCORE_COLUMNS] for record in parameter_set.scores]
         yield _table(_SCORE_COLUMNS, rows)
+
+
+def _bands(parameter_set: ParameterSet) -> Iterator[str]:
+    """Tell how far off outputs were on held-out data: a row per height."""
+    for one in parameter_set.residual_bands:
+        yield f"<h2>How far off {escape(one.output)} is</h2>"
+        yield _paragraph(
+            f"What {_number(100.0 * one.coverage)} % of the errors on held-out data"
+            f" ({', '.join(one.held_out)}) do not exceed; in brackets amplitude (model over reference) and"
+            " phase (model less reference) [rad]. One record is an estimate: others keep these bounds more or"
+            " less often."
+        )
+        columns = [f"{low:g} to {high:g} Hz" for low, high in pairwise(one.frequencies)]
+        rows = [
+            (f"{low:g} to {high:g}", _number(seconds), _number(total), *(_banded(*cell) for cell in cells))
+            for (low, high), seconds, total, *parts in zip(
+                pairwise(one.positions),
+                one.seconds,
+                one.total,
+                one.bound,
+                one.amplitude,
+                one.phase,
+                strict=True,
+            )
+            for cells in [zip(*parts, strict=True)]
+        ]
+        yield _table((parameter_set.partition.scheduling, "data [s]", "all", *columns), rows)
+
+
+def _banded(bound: float | None, amplitude: float | None, phase: float | None) -> str:
+    answer = "" if amplitude is None else f" ({_number(amplitude)}, {_number(phase)})"
+    return ("no data" if bound is None else _number(bound)) + answer
 
 
 def _told(parameter_set: ParameterSet, key: str, title: str, columns: Sequence[str]) -> Iterator[str]:

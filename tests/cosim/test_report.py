@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.whole_path import WholePath
+from cosimulation.bands import banded
 from cosimulation.demo import DemoResult, SetResult
 from cosimulation.fmu_file import open_fmu
 from cosimulation.linearise import linearise
@@ -46,7 +47,11 @@ def result(blow: WholePath) -> DemoResult:
     (test,) = blow.data.select("whole_range", "test")
     validation = replace(test, name="wr_validation", split="validation")
     names = [name for name in blow.candidates if "output" not in name]
-    candidates = tuple(blow.candidates[name] for name in names)
+    held_out = replace(blow.data, experiments=(validation,))
+    candidates = tuple(
+        replace(one, parameter_set=banded(one.parameter_set, held_out).parameter_set)
+        for one in (blow.candidates[name] for name in names)
+    )
     runs = {
         name: tuple(
             run_candidate(blow.candidates[name], blow.fmus[name], one, 1) for one in (validation, test)
@@ -163,7 +168,7 @@ def test_the_page_stays_small_and_names_no_place(page: str) -> None:
 
 def test_every_figure_has_words(page: str) -> None:
     pictures = [found for tag, found in read(page).attributes if tag == "svg"]
-    assert len(pictures) == 1 + 2 * 6
+    assert len(pictures) == 1 + 2 * 7
     assert all(found.get("role") == "img" and len(found.get("aria-label") or "") > 40 for found in pictures)
 
 

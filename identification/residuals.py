@@ -44,6 +44,7 @@ _SETTLING = 3.0
 _HOPS = 4
 """Segments begin every so-manieth of their length: Hann windows then weigh all samples alike."""
 _DIGITS = 4
+_PHASE_DECIMALS = 5
 
 Ranges = npt.NDArray[np.int64]
 
@@ -136,7 +137,8 @@ def split(signal: Array, frequencies: Sequence[float], sample_time: float) -> Ar
     """Return a signal split into bands of frequency without shifting it in time.
 
     Between two bands stands a Butterworth low-pass of fourth order, run forwards and backwards over the
-    record, which is continued beyond its ends by its reflection in the end points.
+    record, which is continued beyond its ends by its mirror image: reflected in the end points, noise on
+    them would lift the whole continuation.
 
     Args:
         signal: Shape (rows,).
@@ -150,7 +152,7 @@ def split(signal: Array, frequencies: Sequence[float], sample_time: float) -> Ar
     for edge in frequencies[1:-1]:
         sections = butter(_SLOPE, edge, fs=1.0 / sample_time, output="sos")
         padding = min(len(signal) - 1, round(_SETTLING / (edge * sample_time)))
-        low = sosfiltfilt(sections, signal, padlen=padding)
+        low = sosfiltfilt(sections, signal, padtype="even", padlen=padding)
         parts.append(low - below)
         below = low
     return np.column_stack([*parts, signal - below])
@@ -261,7 +263,7 @@ def _bands(
         bound=_rounded(sizes[1, :, :-1], up=True),
         total=_rounded(sizes[1, :, -1:].T, up=True)[0],
         amplitude=_rounded(np.abs(response)),
-        phase=_rounded(np.angle(response)),
+        phase=_rounded(np.round(np.angle(response), _PHASE_DECIMALS) + 0.0),
         seconds=tuple(float(f"{value:.{_DIGITS}g}") for value in seconds),
         held_out=tuple(held_out),
     )

@@ -92,3 +92,14 @@ SELF_COMPILED = (
 )
 IMPORTER_INTERPOLATION = 1e-12  # of the signal's size: between equal values fmpy's inputs round with its time
 TRIANGLE = 1e-12  # relative: products of a few matrices of numbers of order one
+FOUR_DIGITS = 5.1e-4  # relative or absolute about 1: error bands are printed with four digits
+TONE_PHASE = 0.003  # rad, and of 1: a straight line through three periods of a tone takes so much of it
+TONE_SHARE = 1e-3  # of 1: the bilinear transform bends 5 Hz of 1 kHz by 1e-4; ends are far away
+BANDS_ADD_UP = 1e-12  # of the largest part: one subtraction and one sum per edge
+NOISE_QUANTILE = (
+    0.12,
+    0.06,
+    0.04,
+    0.01,
+    0.01,
+)  # relative, per band and for all: 2 x width x 235 s independent numbers know a quantile so well

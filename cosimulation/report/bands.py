@@ -133,7 +133,7 @@ def _bound(value: float | None, small: str = "") -> Cell:
 def _answer(amplitude: float | None, phase: float | None) -> str:
     if amplitude is None or phase is None:
         return ""
-    return f"{amplitude:.3f}, {number(float(np.degrees(phase)))}\N{DEGREE SIGN}"
+    return f"{amplitude:.3f}, {number(round(float(np.degrees(phase)), 2) + 0.0)}\N{DEGREE SIGN}"
 
 
 def _specified(bands: ResidualBands) -> str:

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from cosim.whole_path import WholePath
+from cosimulation.data_folder import load_data_folder
 from cosimulation.identify import Identified, IdentifySettings, _diagnostics, identify_from_folder
 from cosimulation.settings import parse_settings
 from fmu_builder.errors import DataError, IdentificationError, LlmnError, OutputError, SettingsError
+from fmu_builder.kernel import simulate
 from fmu_builder.llmn_fmu.card import model_card
 from fmu_builder.llmn_fmu.variables import interface
 from fmu_builder.parameter_set import load
@@ -312,3 +314,59 @@ def test_a_surrogate_tells_how_sure_it_is(folder: Path, tmp_path: Path) -> None:
     assert f"F_p {other.fit['F_p']:.6g}" in told and f"F_p {found.fit['F_p']:.6g}" in text
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Physical parameters" in page and 'id="theta-surrogate-' in page
+
+
+def with_held_out(blow: WholePath, folder: Path) -> Path:
+    """A data folder of operating points and one whole-range record of the split validation."""
+    write_data(blow, folder, whole_range=False)
+    (test,) = blow.data.select("whole_range", "test")
+    data = DataSet("held_out", test.data.sample_time, test.data.names, test.data.units, test.data.values)
+    known = load_data_folder(folder / "data")
+    extra = replace(test, name="held_out", split="validation", data=data)
+    replace(known, experiments=(*known.experiments, extra)).save(folder / "data")
+    return folder
+
+
+def test_error_bands_come_from_held_out_data(blow: WholePath, tmp_path: Path) -> None:
+    quick = {"subspace": {"order": 6, "block_rows": 30}}
+    result = identify_from_folder(
+        settings(with_held_out(blow, tmp_path), n4sid=quick, residuals={"heights": 1, "frequencies": [15.0]})
+    )
+    (bands,) = load(result.path).residual_bands
+    assert (bands.output, bands.held_out, bands.positions) == ("F_p", ("held_out",), (0.5, 2.5))
+    (test,) = blow.data.select("whole_range", "test")
+    model = simulate(result.parameter_set, test.data.matrix(("eta", "M_pa")))
+    column = result.parameter_set.output_names.index("F_p")
+    error = np.abs(model[:, column] - test.data.column("F_p"))[5000:]
+    exact = float(np.quantile(error, 0.95, method="higher"))
+    assert bands.total[0] is not None and 0.0 <= bands.total[0] / exact - 1.0 < 1e-3
+    assert result.bands_remark == "" and result.summary()["residual_bands"] == [bands.model_dump(mode="json")]
+    card = model_card(result.parameter_set, interface(result.parameter_set))
+    page = result.page.read_text(encoding="utf-8") if result.page else ""
+    for text in (result.text(), page, card):
+        assert "held_out" in text and f"{bands.total[0]:.3g}" in text
+    assert "<h2>How far off F_p is</h2>" in card and "15 to 500 Hz" in card
+
+
+def test_without_held_out_data_there_are_no_bands_and_it_is_said(found: Identified) -> None:
+    assert found.parameter_set.residual_bands == ()
+    said = "there are no whole-range data of the split validation"
+    assert f"error bands of predictions: none, {said}" in found.text()
+    assert found.page is not None and f"Not known: {said}." in found.page.read_text(encoding="utf-8")
+    assert found.summary()["residual_bands_remark"] == said
+    assert "How far off" not in model_card(found.parameter_set, interface(found.parameter_set))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"outputs": ["nobody", "F_p"]}, r"there is no nobody; name some of xi.*F_p"),
+        ({"frequencies": [15.0, 5.0]}, "ascend"),
+        ({"heigths": 3}, "'heights'"),
+    ],
+)
+def test_residuals_that_make_no_sense_are_refused_before_the_start(
+    tmp_path: Path, given: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(SettingsError, match=said):
+        settings(tmp_path, residuals=given)

@@ -22,6 +22,7 @@ from cosimulation.fmu_file import open_fmu
 from cosimulation.linearise import linearise
 from cosimulation.pantograph import OUTPUTS, SIGNALS, TORQUE
 from cosimulation.report import write_picture, write_report
+from cosimulation.report.bands import without_bands
 from cosimulation.report.figures.drawing import envelope
 from cosimulation.report.figures.spectra import amplitude_density
 from cosimulation.report.modes import Mode, matched, modes, modes_of_set, operating_point_name
@@ -397,3 +398,47 @@ def test_the_chain_is_drawn_and_fisher_information_stands_beside_theta(page: str
             text = str(int(np.floor(np.log10(value)))).replace("-", "\N{MINUS SIGN}")
             assert f'<data value="{value!r}">{text}</data>' in section
     assert "thesis, Table 4.3, 1/r_M" in section
+
+
+def test_bands_stand_by_height_and_frequency_with_what_lies_inside(page: str, result: DemoResult) -> None:
+    """The fixture's validation data are its test data, so that 95 % and hardly more lie inside."""
+    rows = read(page, "bands").rows
+    for view in views(result):
+        for model in view.models:
+            (bands,) = model.parameter_set.residual_bands
+            if model.candidate.offset_subtracted:
+                assert model.bands is None and model.title in without_bands(view)
+                continue
+            for height, bound in enumerate(bands.bound):
+                expected = [bands.seconds[height], bands.total[height], *bound]
+                (row,) = {
+                    tuple(float(value) for value, _ in row[1:])
+                    for row in rows
+                    if [value for value, _ in row[1:-1]] == [repr(value) for value in expected]
+                }
+                assert 0.95 <= row[-1] < 0.953
+    section = page[page.index('<section id="bands">') : page.index('<section id="order">')]
+    assert section.count("Up to 15 Hz the amplitude is") == 6 and "95.0" in section
+    assert section.count("No bands here: white-box model linearised at OP45.") == 2
+
+
+def test_the_share_of_time_out_of_range_is_what_the_fmu_said(page: str, result: DemoResult) -> None:
+    rows = [row for row in read(page, "bands").rows if len(row) == 3 and "%" in row[2][1]]
+    expected = [
+        [float(run.out_of_range) for run in one.runs[candidate.name] if run.out_of_range is not None]
+        for one in result.sets
+        for candidate in one.candidates
+    ]
+    assert [[float(value) for value, _ in row[1:]] for row in rows] == expected
+    assert all(0.0 <= share < 0.5 for pair in expected for share in pair) and len(rows) == 8
+
+
+def test_a_report_without_bands_says_so(result: DemoResult) -> None:
+    first = result.sets[0]
+    bare = tuple(
+        replace(one, parameter_set=one.parameter_set.replaced(residual_bands=())) for one in first.candidates
+    )
+    page = render(replace(result, sets=(replace(first, candidates=bare),)))
+    section = page[page.index('<section id="bands">') : page.index('<section id="order">')]
+    assert "Up to 15 Hz" not in section and "<svg" not in section
+    assert all(one.title in section.partition("No bands here:")[2] for one in bare)

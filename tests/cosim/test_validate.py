@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.whole_path import WholePath
+from cosim.whole_path import PLATFORMS, WholePath
 from cosimulation import fmu_log
 from cosimulation.fmu_driver import running_fmu
 from cosimulation.fmu_file import open_fmu, same_unit
 from cosimulation.validate import validate_fmu
 from fmu_builder.errors import DataError, FmuError, SettingsError
+from fmu_builder.llmn_fmu import build_llmn
 from identification.data_set import DataSet
+from identification.residuals import residual_bands
+from identification.scores import FIELDS
 
 
 def recorded(path: Path, unit: str = "m", names: tuple[str, ...] = ("eta", "M_pa", "xi")) -> Path:
@@ -120,3 +123,33 @@ def test_text_is_read_as_the_type_of_the_start_value(blow: WholePath) -> None:
             instance.initialise({"preset": preset, "inner_step": step})
             forces.append(instance.get(["F_p"])[0])
     assert forces[0] == forces[1]
+
+
+def test_time_out_of_range_and_errors_inside_the_bands_are_told(blow: WholePath, tmp_path: Path) -> None:
+    """A model with bands from the very data it is validated on: 95 % inside; a third of the time too high."""
+    (test,) = blow.data.select("whole_range", "test")
+    plain = blow.candidates["pantograph_n4sid_blow"].parameter_set
+    own = plain.replaced(residual_bands=residual_bands(plain, [test.data]))
+    fmu = build_llmn(own, tmp_path / "own.fmu", PLATFORMS)
+    values = test.data.values.copy()
+    values[2 * len(values) // 3 :, test.data.names.index("M_pa")] += 500.0
+    far = DataSet("far", test.data.sample_time, test.data.names, test.data.units, values)
+    files = [test.data.save(tmp_path / "near.npz"), far.save(tmp_path / "far.npz")]
+    found = validate_fmu(fmu, files)
+    assert found.out_of_range[test.name] < 0.02
+    assert abs(found.out_of_range["far"] - 1.0 / 3.0) < 0.02
+    assert 0.95 <= found.inside[test.name]["F_p"] < 0.951
+    assert found.inside["far"]["F_p"] < 0.8
+    assert (
+        f"far: out of the trained range {100.0 * found.out_of_range['far']:.2f} % of the time" in found.text()
+    )
+    assert f"{test.name}: 95.0 % of the errors of F_p inside the error bands" in found.text()
+    assert found.summary()["out_of_range"] == found.out_of_range
+    assert list(found.records[0]) == list(FIELDS)
+    without = validate_fmu(blow.fmus["pantograph_n4sid_blow"], files[:1])
+    assert without.inside == {} and "error bands" not in without.text()
+
+
+def test_an_fmu_that_knows_no_range_tells_none(blow: WholePath, tmp_path: Path) -> None:
+    found = validate_fmu(blow.white_box, [recorded(tmp_path / "data.npz")])
+    assert found.out_of_range == {} and "range" not in found.text()

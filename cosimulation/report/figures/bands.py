@@ -91,7 +91,9 @@ def _close_up(force: Axes, error: Axes, view: SetView, bands: ResidualBands) -> 
     error.set_ylabel("less the model [N]")
     force.set_title("around the largest error", fontsize=8.5)
     error.set_title("the same, the model subtracted", fontsize=8.5)
-    force.legend(loc="best", borderaxespad=0.2)
+    low, high = force.get_ylim()
+    force.set_ylim(low, high + 0.2 * (high - low))
+    force.legend(loc="upper right", ncols=2, borderaxespad=0.2)
 
 
 def _by_height(axes: Axes, bands: ResidualBands, unit: str) -> None:

@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from cosim.whole_path import WholePath
 from cosimulation.bands import banded
@@ -23,19 +21,16 @@ from cosimulation.linearise import linearise
 from cosimulation.pantograph import OUTPUTS, SIGNALS, TORQUE
 from cosimulation.report import write_picture, write_report
 from cosimulation.report.bands import without_bands
-from cosimulation.report.figures.drawing import envelope
-from cosimulation.report.figures.spectra import amplitude_density
-from cosimulation.report.modes import Mode, matched, modes, modes_of_set, operating_point_name
+from cosimulation.report.modes import modes_of_set, operating_point_name
 from cosimulation.report.page import render
-from cosimulation.report.tables import colour_of, significant
+from cosimulation.report.tables import significant
 from cosimulation.report.thesis import BEST_CONTACT_FORCE, counterpart
 from cosimulation.report.verdict import verdict
 from cosimulation.report.views import SetView, views
 from cosimulation.scoring import marked_recommended, run_candidate
 from identification.warning import IdentificationWarning
-from tolerances import POLE_DAMPING, POLE_FREQUENCY, SPECTRUM_POWER
+from tolerances import POLE_DAMPING, POLE_FREQUENCY
 
-SAMPLE_TIME = 0.001
 VOID = {"meta", "link", "br", "img", "hr", "input", "col", "wbr"}
 LARGEST = 6_000_000
 LARGEST_PICTURE = 150_000
@@ -292,25 +287,6 @@ def test_a_model_that_runs_away_does_not_break_the_report(result: DemoResult, tm
     assert read(text).open == []
 
 
-def pole(frequency: float, damping: float) -> complex:
-    size = 2.0 * np.pi * frequency
-    s = complex(-damping * size, size * np.sqrt(1.0 - damping**2))
-    return complex(np.exp(s * SAMPLE_TIME))
-
-
-def test_modes_are_found_and_matched() -> None:
-    reference = modes(np.array([pole(3.2, 0.07), pole(12.0, 0.03), pole(23.0, 0.04)]), SAMPLE_TIME)
-    assert [round(mode.frequency, 9) for mode in reference] == [3.2, 12.0, 23.0]
-    assert [round(mode.damping, 9) for mode in reference] == [0.07, 0.03, 0.04]
-    own = np.array([pole(21.0, 0.04), 0.98, pole(12.4, 0.1), 0.77], dtype=complex)
-    found = [mode for mode in modes(own, SAMPLE_TIME) if mode.oscillates]
-    assert matched(reference, found) == (None, found[0], found[1])
-    assert len([mode for mode in modes(own, SAMPLE_TIME) if not mode.oscillates]) == 2
-    assert matched(reference, []) == (None, None, None)
-    crowd = [Mode(pole(f, 0.03), f, 0.03) for f in (11.0, 12.1, 22.0)]
-    assert matched(reference, crowd) == (None, crowd[1], crowd[2])
-
-
 def test_the_poles_of_the_reference_are_those_of_the_white_box_model(result: DemoResult) -> None:
     first = modes_of_set(views(result)[0])[0]
     assert operating_point_name(first.height) == "OP25"
@@ -319,40 +295,6 @@ def test_the_poles_of_the_reference_are_those_of_the_white_box_model(result: Dem
         assert match is not None
         assert abs(match.frequency - mode.frequency) < 10 * POLE_FREQUENCY
         assert abs(match.damping - mode.damping) < 10 * POLE_DAMPING
-
-
-def test_a_spectrum_keeps_the_power_of_a_sine() -> None:
-    time = np.arange(60_000) * SAMPLE_TIME
-    frequency, density = amplitude_density(0.7 + 3.0 * np.sin(2.0 * np.pi * 12.2 * time), SAMPLE_TIME)
-    power = float(np.sum(density**2) * (frequency[1] - frequency[0]))
-    assert abs(power / 4.5 - 1.0) < SPECTRUM_POWER
-    assert abs(frequency[np.argmax(density)] - 12.2) <= frequency[1] - frequency[0]
-
-
-@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=300), st.integers(1, 50))
-def test_an_envelope_loses_no_peak(values: list[float], columns: int) -> None:
-    series = np.array(values)
-    first, low, high = envelope(series, columns)
-    assert len(first) == len(low) == len(high) <= columns
-    assert low.min() == series.min() and high.max() == series.max()
-    stretch = np.searchsorted(first, np.arange(len(series)), side="right") - 1
-    assert np.all(low[stretch] <= series) and np.all(series <= high[stretch])
-
-
-def test_colours_go_from_red_over_yellow_to_green() -> None:
-    red, yellow, green = (tuple(bytes.fromhex(colour_of(fit)[1:])) for fit in (0.0, 50.0, 100.0))
-    assert red[0] > red[1] and red[0] > red[2]
-    assert min(yellow[:2]) > yellow[2]
-    assert green[1] > green[0] and green[1] > green[2]
-    assert colour_of(-40.0) == colour_of(0.0) and colour_of(-np.inf) == colour_of(0.0)
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.001, "0.0010"), (315849.2, "315849"), (5.0, "5.000"), (0.0, "0"), (2.48e-5, "2.48e\N{MINUS SIGN}5")],
-)
-def test_numbers_read_well(value: float, text: str) -> None:
-    assert significant(value) == text
 
 
 def test_warnings_of_several_models_are_told_once(result: DemoResult) -> None:

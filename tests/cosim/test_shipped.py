@@ -21,6 +21,7 @@ from cosimulation.settings import STUDIES, GenerateSettings, load_settings
 from cosimulation.study import run_study
 from cosimulation.study.shipped import ShippedSettings, compared
 from fmu_builder.kernel import simulate
+from fmu_builder.parameter_set import load
 from fmus.wbm import native, parameter_sets
 from identification.data_set import DataSet
 from identification.excitation import whole_range_inputs
@@ -132,5 +133,7 @@ def test_the_study_writes_what_may_replace_the_committed_files(tmp_path: Path) -
     for name in ("surrogate_blow", "n4sid_blow"):
         made = {path.name for path in (tmp_path / "out" / "models" / name).iterdir()}
         assert made == {"parameters.json", "scores.json"} <= {p.name for p in fmus.folder(name).iterdir()}
+        (bands,) = load(tmp_path / "out" / "models" / name / "parameters.json").residual_bands
+        assert bands.output == "F_p" and bands.held_out[0] == "wr_validation"
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "n4sid_blow, identified anew" in page and "surrogate_blow, committed" in page

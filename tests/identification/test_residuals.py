@@ -155,6 +155,12 @@ def test_heights_without_data_tell_nothing(plant: ParameterSet) -> None:
         assert entries[2:] == ((None,) * 4,) * 2 and None not in entries[0] + entries[1]
 
 
+def test_a_reference_at_rest_has_no_amplitude_to_match(plant: ParameterSet, data: DataSet) -> None:
+    found = bands_of(plant, with_force(data, np.full(len(data), 70.1)))
+    assert {value for entries in (*found.amplitude, *found.phase) for value in entries} == {None}
+    assert None not in found.total
+
+
 @pytest.mark.parametrize("rows", [1, 2, 50, 3000])
 def test_short_data_tell_what_they_can(plant: ParameterSet, data: DataSet, rows: int) -> None:
     found = bands_of(plant, data.rows(0, rows))

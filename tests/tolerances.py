@@ -103,3 +103,5 @@ NOISE_QUANTILE = (
     0.01,
     0.01,
 )  # relative, per band and for all: 2 x width x 235 s independent numbers know a quantile so well
+ARX_RECOVERY = 1e-9  # relative: noise-free least squares, condition number of some thousands
+LEAST_SQUARES = 1e-12  # relative: two orthogonal solutions of a well-conditioned problem

@@ -18,6 +18,7 @@ _KINDS = {
     "n4sid": "subspace-identified models",
     "surrogate": "surrogate models with physical parameters",
     "linear": "a linearisation",
+    "lolimot": "a tree of local ARX models",
 }
 
 

@@ -68,7 +68,7 @@ class ParameterSet(Part):
 
     format: Literal[3] = 3
     name: Text
-    kind: Literal["n4sid", "surrogate", "linear"]
+    kind: Literal["n4sid", "surrogate", "linear", "lolimot"]
     sample_time: Number
     inputs: tuple[InputSignal, ...]
     outputs: tuple[OutputSignal, ...]

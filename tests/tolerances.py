@@ -105,3 +105,4 @@ NOISE_QUANTILE = (
 )  # relative, per band and for all: 2 x width x 235 s independent numbers know a quantile so well
 ARX_RECOVERY = 1e-9  # relative: noise-free least squares, condition number of some thousands
 LEAST_SQUARES = 1e-12  # relative: two orthogonal solutions of a well-conditioned problem
+SAME_FREE_RUN = 1e-4  # percentage points: poles near 1 magnify the rounding of sums of lags

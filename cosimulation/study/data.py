@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 from cosimulation.data_folder import DataFolder
 from cosimulation.generate import make_data
-from cosimulation.settings import ExperimentSettings, GenerateSettings, Reference, Split
+from cosimulation.settings import ExperimentSettings, GenerateSettings, Reference, Signals, Split
 from identification.data_set import DataSet
 from identification.excitation import with_measurement_noise
 from identification.validity import equidistant_centres
@@ -24,6 +24,7 @@ NOISES: dict[Noise, tuple[float, float]] = dict(
 velocities [m/s]."""
 
 _NOISE_STREAM = 1000
+_PANTOGRAPH = Signals()
 
 
 def centres(count: int) -> list[float]:
@@ -53,12 +54,17 @@ def whole_range(split: Split, duration: float = 120.0) -> ExperimentSettings:
 
 
 def study_data(
-    fmu: Path, wbm: str, seed: int, experiments: Sequence[ExperimentSettings]
+    fmu: Path,
+    wbm: str,
+    seed: int,
+    experiments: Sequence[ExperimentSettings],
+    signals: Signals = _PANTOGRAPH,
 ) -> tuple[DataFolder, GenerateSettings]:
     """Drive the white-box FMU by the acceptance recipe; see `generate.make_data`."""
     settings = GenerateSettings(
         seed=seed,
         reference=Reference(fmu=fmu, start_values={"preset": wbm}),
+        signals=signals,
         experiments=tuple(experiments),
     )
     return make_data(settings), settings

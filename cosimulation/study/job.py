@@ -11,7 +11,7 @@ from cosimulation.progress import Reporter
 from cosimulation.result_folder import result_folder
 from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
-from cosimulation.study import blending, order, shipped, surrogate, tables
+from cosimulation.study import blending, lolimot, order, shipped, surrogate, tables
 from cosimulation.study.limits import judge, plural
 from cosimulation.study.page import Section, render
 from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
@@ -57,8 +57,13 @@ STUDIES = {
     "shipped": Study(
         shipped.ShippedSettings, shipped.tasks, shipped.run_task, shipped.sections, False, shipped.lines
     ),
+    "lolimot": Study(
+        lolimot.LolimotStudySettings, lolimot.tasks, lolimot.run_task, lolimot.sections, False, lolimot.lines
+    ),
 }
-_FINDINGS = ("measure", "theta", "optima", "reason", "drawing", "information", "exact")
+_FINDINGS = (
+    "measure", "theta", "optima", "reason", "drawing", "information", "exact", "growth", "poles",
+)  # fmt: skip
 
 
 def run(

@@ -198,3 +198,14 @@ def test_the_operating_point_lies_in_the_range_wherever_the_mean_of_the_data_lie
     point = [signal.operating_point for signal in built.inputs]
     rest = simulate(built, [point])[0, 0]
     assert built.outputs[0].operating_point == pytest.approx(rest, abs=SAME_NETWORK)
+
+
+def test_a_model_about_its_own_centre_rests_there() -> None:
+    """u0 is the cell's middle, where the local model alone is at rest with the output y0."""
+    network = known_network()
+    for index, model in enumerate(parameter_set("observer", "own").local_models):
+        assert model.u0 == (network.cells.centres[index, 0], network.input_point[1])
+        alone = replace(network, parameters=np.tile(network.parameters[index], (3, 1)))
+        rest = alone.at_rest(np.array([model.u0]))
+        assert model.y0 == pytest.approx(rest, abs=SAME_NETWORK)
+        assert model.x0 == (0.0,) * 3

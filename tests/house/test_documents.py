@@ -136,6 +136,23 @@ def test_the_commands_of_the_page_on_sweeps_run(tmp_path: Path) -> None:
             assert found["runs"] == found["recorded_before"] == found["ok"] == 2 * 2 * 4
 
 
+def test_the_python_of_the_page_on_lolimot_makes_a_network_that_can_be_built(tmp_path: Path) -> None:
+    generate = """
+output = "data"
+signals = { outputs = { phi_1 = "phi_1" }, units = { phi_1 = "rad" } }
+reference = { fmu = "pantograph_wbm.fmu" }
+experiments = [{ name = "train", kind = "whole_range", split = "train", duration = 8.0 }]
+"""
+    (tmp_path / "generate.toml").write_text(generate, encoding="utf-8")
+    llmn = [sys.executable, "-m", "cosimulation"]
+    run(tmp_path, *llmn, "build", "wbm", "--platform", "linux64")
+    run(tmp_path, *llmn, "generate", "generate.toml")
+    (code,) = blocks("docs/lolimot.md", "python")
+    run(tmp_path, sys.executable, "-c", code)
+    run(tmp_path, *llmn, "build", "arm_angle.json", "--platform", "linux64")
+    assert (tmp_path / "arm_angle.fmu").is_file()
+
+
 def test_settings_examples_are_valid_toml() -> None:
     for block in blocks("docs/settings.md", "toml"):
         tomllib.loads(block)

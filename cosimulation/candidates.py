@@ -10,7 +10,14 @@ from cosimulation.bands import banded
 from cosimulation.data_folder import DataFolder
 from cosimulation.fmu_file import OpenFmu
 from cosimulation.linearise import linearise
-from cosimulation.pantograph import DESCRIPTIONS, INPUTS, OUTPUTS, TORQUE, force_outputs
+from cosimulation.pantograph import (
+    DESCRIPTIONS,
+    INPUTS,
+    OUTPUTS,
+    TORQUE,
+    force_outputs,
+    operating_point_name,
+)
 from cosimulation.settings import GenerateSettings
 from fmu_builder.parameter_set import DerivedOutput, ParameterSet
 from fmus.wbm import parameter_sets
@@ -22,7 +29,7 @@ from identification.network import AUTOMATIC, THESIS, NetworkSettings, signals_o
 from identification.warning import IdentificationWarning
 
 LINEARISATION_HEIGHT = 1.25
-"""Operating point OP45 of the global linear model (thesis 4.8) [m]."""
+"""Operating point OP45 of the demo's global linear model (thesis 4.8, M11) [m]."""
 
 
 DEFAULT_SET = "A"
@@ -106,11 +113,63 @@ def identify_candidates(
     local = replace(local, provenance={**local.provenance, "origin": dict(data.origin)})
     forces = head_forces(wbm)
     found = (
-        _linear(wbm, data, fmu, settings, forces),
+        linearised(wbm, data, fmu, settings, forces),
         _surrogate(wbm, data, local, forces),
         *(_n4sid(wbm, *one, data, local, forces) for one in NETWORKS),
     )
     return tuple(replace(one, parameter_set=banded(one.parameter_set, data).parameter_set) for one in found)
+
+
+def linearised(
+    wbm: str,
+    data: DataFolder,
+    fmu: OpenFmu,
+    settings: GenerateSettings,
+    forces: tuple[DerivedOutput, ...],
+    height: float = LINEARISATION_HEIGHT,
+) -> Candidate:
+    """Return the white-box model linearised at one height, as one global linear model (thesis 2.1.2, 4.8).
+
+    The mean error is subtracted after the simulation (Remark 4.8.1), see `Candidate.offset_subtracted`.
+
+    Args:
+        wbm: Name of the white-box set.
+        data: Its reference data.
+        fmu: The white-box FMU.
+        settings: Those of the data.
+        forces: F_H and F_p, from `head_forces`.
+        height: Of the operating point [m]. The model identifier is `pantograph_linear` at
+            `LINEARISATION_HEIGHT`, else it tells the operating point, as in `pantograph_linear_op55`.
+
+    Raises:
+        FmuError: The FMU cannot be linearised there.
+        IdentificationError: What it gives cannot be discretised.
+    """
+    point = {"eta": height, "M_pa": TORQUE}
+    found = linearise(fmu, point, OUTPUTS, settings.reference.start_values)
+    model = discretised(
+        (found.A, found.B, found.C, found.D),
+        settings.excitation.sample_time,
+        INPUTS,
+        OUTPUTS,
+        found.input_operating_point,
+        found.output_operating_point,
+    )
+    training = [item.data for item in data.select("whole_range", "train")]
+    signals = signals_of(training, INPUTS, OUTPUTS, point, found.output_operating_point, DESCRIPTIONS)
+    limits = (settings.static_map.low, settings.static_map.high)
+    provenance = {"linearised_at": point, "origin": dict(data.origin)}
+    place = operating_point_name(height)
+    own = place.lower() if place.startswith("OP") else f"{round(1000 * height)}mm"
+    name = "linear" if height == LINEARISATION_HEIGHT else f"linear_{own}"
+    parameter_set = linear_parameter_set(
+        identifier(name, wbm), model, "eta", limits, signals, forces, provenance
+    )
+    labels = _labels(
+        wbm, parameter_set, offsets="subtracted after the simulation", route=f"linearised at {place}"
+    )
+    title = f"white-box model linearised at {place}"
+    return Candidate(title, parameter_set, labels, offset_subtracted=True)
 
 
 def n4sid_labels(wbm: str, parameter_set: ParameterSet, local: LocalModels) -> dict[str, Any]:
@@ -156,31 +215,6 @@ def _n4sid(
     return Candidate(
         title, found.parameter_set, labels, local=local, choices=found.choices, warnings=found.warnings
     )
-
-
-def _linear(
-    wbm: str, data: DataFolder, fmu: OpenFmu, settings: GenerateSettings, forces: tuple[DerivedOutput, ...]
-) -> Candidate:
-    """The white-box model linearised at OP45, as one global linear model (thesis 2.1.2, 4.8)."""
-    point = {"eta": LINEARISATION_HEIGHT, "M_pa": TORQUE}
-    found = linearise(fmu, point, OUTPUTS, settings.reference.start_values)
-    model = discretised(
-        (found.A, found.B, found.C, found.D),
-        settings.excitation.sample_time,
-        INPUTS,
-        OUTPUTS,
-        found.input_operating_point,
-        found.output_operating_point,
-    )
-    training = [item.data for item in data.select("whole_range", "train")]
-    signals = signals_of(training, INPUTS, OUTPUTS, point, found.output_operating_point, DESCRIPTIONS)
-    limits = (settings.static_map.low, settings.static_map.high)
-    provenance = {"linearised_at": point, "origin": dict(data.origin)}
-    parameter_set = linear_parameter_set(
-        identifier("linear", wbm), model, "eta", limits, signals, forces, provenance
-    )
-    labels = _labels(wbm, parameter_set, offsets="subtracted after the simulation")
-    return Candidate("white-box model linearised at OP45", parameter_set, labels, offset_subtracted=True)
 
 
 def _surrogate(

@@ -21,6 +21,13 @@ DESCRIPTIONS = {
 }
 
 
+def operating_point_name(height: float) -> str:
+    """Return the thesis's name of a height at the operating point of the torque, e.g. OP25 (eq. 4.1)."""
+    number = (height - 0.25) / 0.25
+    whole = round(number)
+    return f"OP{whole}5" if abs(number - whole) < 1e-9 else f"{height:.4g} m"
+
+
 def force_outputs(k_E: float, k_C: float, c_C: float) -> tuple[DerivedOutput, DerivedOutput]:
     """Return F_H and F_p as outputs derived from motion (thesis eq. 3.14-3.15, Remark 2.2.1).
 

@@ -65,13 +65,6 @@ def mode_name(index: int, count: int) -> str:
     return _SUBSCRIPTS[index] if count == len(_SUBSCRIPTS) else str(index + 1)
 
 
-def operating_point_name(height: float) -> str:
-    """Return the thesis's name of a height at the operating point of the torque, e.g. OP25 (eq. 4.1)."""
-    number = (height - 0.25) / 0.25
-    whole = round(number)
-    return f"OP{whole}5" if abs(number - whole) < 1e-9 else f"{height:.4g} m"
-
-
 def reference_poles(linearisation: Linearisation, sample_time: float) -> Poles:
     """Return the poles of a continuous linear model, held over `sample_time`, in the z plane."""
     return np.exp(np.linalg.eigvals(linearisation.A).astype(np.complex128) * sample_time)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosimulation.pantograph import SIGNALS
+from cosimulation.pantograph import SIGNALS, operating_point_name
 from cosimulation.report import thesis
-from cosimulation.report.modes import Mode, compared, mode_name, modes_of_set, operating_point_name
+from cosimulation.report.modes import Mode, compared, mode_name, modes_of_set
 from cosimulation.report.verdict import MINUS, times
 from cosimulation.report.views import ModelView, SetView
 

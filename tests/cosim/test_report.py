@@ -18,10 +18,10 @@ from cosimulation.bands import banded
 from cosimulation.demo import DemoResult, SetResult
 from cosimulation.fmu_file import open_fmu
 from cosimulation.linearise import linearise
-from cosimulation.pantograph import OUTPUTS, SIGNALS, TORQUE
+from cosimulation.pantograph import OUTPUTS, SIGNALS, TORQUE, operating_point_name
 from cosimulation.report import write_picture, write_report
 from cosimulation.report.bands import without_bands
-from cosimulation.report.modes import modes_of_set, operating_point_name
+from cosimulation.report.modes import modes_of_set
 from cosimulation.report.page import render
 from cosimulation.report.tables import significant
 from cosimulation.report.thesis import BEST_CONTACT_FORCE, counterpart

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from cosimulation.pantograph import operating_point_name
 from cosimulation.report.figures.drawing import INK, MUTED, drawing_style, inline_svg, new_figure
 from cosimulation.report.modes import (
     Mode,
@@ -16,7 +17,6 @@ from cosimulation.report.modes import (
     compared,
     mode_name,
     modes_of_set,
-    operating_point_name,
 )
 from cosimulation.report.views import SetView
 from identification.arrays import Array

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from cosimulation.candidates import Candidate, head_forces
 from cosimulation.demo import SetResult
 from cosimulation.linearise import Linearisation
-from cosimulation.pantograph import INPUTS, SIGNALS
+from cosimulation.pantograph import INPUTS, SIGNALS, operating_point_name
 from cosimulation.report.figures.drawing import (
     INK,
     MUTED,
@@ -23,7 +23,7 @@ from cosimulation.report.figures.drawing import (
 )
 from cosimulation.report.figures.poles import poles_figure
 from cosimulation.report.figures.spectra import HIGHEST, amplitude_density
-from cosimulation.report.modes import modes, operating_point_name, reference_poles
+from cosimulation.report.modes import modes, reference_poles
 from cosimulation.report.views import ModelView, SetView
 from cosimulation.scoring import ScoredRun
 from cosimulation.study.local_models import LocalModelSource

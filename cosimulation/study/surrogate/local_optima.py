@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cosimulation.pantograph import INPUTS, OUTPUTS
-from cosimulation.report.modes import operating_point_name
+from cosimulation.pantograph import INPUTS, OUTPUTS, operating_point_name
 from cosimulation.study.data import centres, noisy, operating_points, study_data
 from cosimulation.study.surrogate.physics import head_of
 from cosimulation.study.surrogate.settings import LocalOptimaSettings, SurrogateStudySettings

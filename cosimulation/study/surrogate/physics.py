@@ -10,8 +10,8 @@ import numpy as np
 
 from cosimulation.fmu_file import open_fmu
 from cosimulation.linearise import Linearisation, linearise
-from cosimulation.pantograph import OUTPUTS, TORQUE
-from cosimulation.report.modes import matched, mode_name, modes, operating_point_name, reference_poles
+from cosimulation.pantograph import OUTPUTS, TORQUE, operating_point_name
+from cosimulation.report.modes import matched, mode_name, modes, reference_poles
 from fmus.wbm import parameter_sets
 from identification.local_model import LocalModel
 from identification.surrogate import (

@@ -7,16 +7,15 @@ check the simulation, not the physics. Each row: minimum, maximum, mean, median 
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from fmus.wbm import PhysicalParameters, native, operating_point
+from identification.resonances import amplitudes, highest_peak
 
 SAMPLES = 16384
 SAMPLE_TIME = 1e-3
 BIN = 1.0 / (SAMPLES * SAMPLE_TIME)
 HEIGHTS = 0.5 + 0.1 * np.arange(20)
 STEP = 0.1
-PROMINENCE = 0.003  # of the largest entry of the whole spectrum
 BANDS = {"f_L": (2.0, 6.0), "f_M": (8.0, 16.0), "f_H": (17.0, 29.0)}
 SIGNALS = ("xi_dot", "zeta_dot", "F_H", "F_p")
 
@@ -75,13 +74,6 @@ WITHOUT_PEAK = {("B", "f_M", "xi_dot"), ("B", "f_M", "F_H"), ("B", "f_M", "F_p")
 FOUND = {("A", "f_H", "F_p"), ("A60", "f_H", "F_p"), ("B", "f_H", "F_p"), ("Blow", "f_H", "F_p")}
 
 
-def peak(spectrum: np.ndarray, band: tuple[float, float]) -> float | None:
-    """Frequency of the highest peak in a band, None without one of sufficient prominence."""
-    candidates, _ = find_peaks(spectrum, prominence=PROMINENCE * spectrum.max())
-    inside = [k for k in candidates if band[0] <= k * BIN <= band[1]]
-    return max(inside, key=lambda k: spectrum[k]) * BIN if inside else None
-
-
 def step_resonances(parameters: PhysicalParameters) -> dict[tuple[str, str], list[float]]:
     """The peaks found in steps from 0.5, 0.6, ... 2.4 m, by (band, signal)."""
     torque = operating_point()["M_pa"]
@@ -95,8 +87,8 @@ def step_resonances(parameters: PhysicalParameters) -> dict[tuple[str, str], lis
         )
         for band, limits in BANDS.items():
             for name in (*SIGNALS, "xi", "zeta"):
-                spectrum = np.abs(np.fft.rfft(path[:, native.OUTPUTS.index(name)]))
-                frequency = peak(spectrum, limits)
+                spectrum = amplitudes(path[:, native.OUTPUTS.index(name)])
+                frequency = highest_peak(spectrum, BIN, limits)
                 if frequency is not None:
                     found[band, name].append(frequency)
     return found

@@ -7,7 +7,7 @@ from pathlib import Path
 from cosimulation.progress import SILENT, Reporter
 from cosimulation.study.runner import StudyResult
 
-STUDIES = ("order", "blending", "surrogate", "shipped", "lolimot")
+STUDIES = ("order", "blending", "surrogate", "shipped", "lolimot", "white_box")
 
 
 def run_study(

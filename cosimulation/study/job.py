@@ -11,7 +11,7 @@ from cosimulation.progress import Reporter
 from cosimulation.result_folder import result_folder
 from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
-from cosimulation.study import blending, lolimot, order, shipped, surrogate, tables
+from cosimulation.study import blending, lolimot, order, shipped, surrogate, tables, white_box
 from cosimulation.study.limits import judge, plural
 from cosimulation.study.page import Section, render
 from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
@@ -59,6 +59,9 @@ STUDIES = {
     ),
     "lolimot": Study(
         lolimot.LolimotStudySettings, lolimot.tasks, lolimot.run_task, lolimot.sections, False, lolimot.lines
+    ),
+    "white_box": Study(
+        white_box.WhiteBoxSettings, white_box.tasks, white_box.run_task, white_box.sections, False
     ),
 }
 _FINDINGS = (

@@ -59,8 +59,8 @@ def _legend(view: SetView) -> list[Line2D]:
     return handles
 
 
-def _whole(axes: Axes, view: SetView, points: Sequence[OperatingPointModes]) -> None:
-    sample_time = view.sample_time
+def draw_z_plane(axes: Axes, sample_time: float) -> None:
+    """Draw the upper half of the z plane near 1: unit circle, lines of equal frequency and damping ratio."""
     for frequency in (5.0, 10.0, 15.0, 20.0, 25.0):
         damping = np.linspace(0.0, 0.12, 60)
         z = _pole(frequency, damping, sample_time)
@@ -89,14 +89,18 @@ def _whole(axes: Axes, view: SetView, points: Sequence[OperatingPointModes]) -> 
                 fontsize=7.5,
                 ha="center",
             )
-    for point in points:
-        _draw(axes, view, point, everything=True)
     axes.set_xlim(0.966, 1.0055)
     axes.set_ylim(-0.006, 0.182)
     axes.set_xlabel("Re z [1]")
     axes.set_ylabel("Im z [1]")
     axes.grid(visible=False)
     axes.set_title("upper half near z = 1: unit circle, lines of equal frequency and of equal damping ratio")
+
+
+def _whole(axes: Axes, view: SetView, points: Sequence[OperatingPointModes]) -> None:
+    for point in points:
+        _draw(axes, view, point, everything=True)
+    draw_z_plane(axes, view.sample_time)
 
 
 def _pole(frequency: float | Array, damping: float | Array, sample_time: float) -> Poles:

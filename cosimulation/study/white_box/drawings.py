@@ -64,7 +64,8 @@ def surfaces(wbm: str, found: StepResonances, table: ModeTable) -> Record:
         )
     caption = (
         f"White-box set {wbm}: discrete Fourier transforms of the responses to steps of the contact height "
-        "(thesis Figures 2.5 to 2.7), square root of the share as colour, and the peaks found in them."
+        "(thesis Figures 2.5 to 2.7), square root of the share as colour, and the peaks found in them beside "
+        "|s| / 2 pi of the linearised model."
     )
     return {"drawing": "surfaces", "wbm": wbm, "svg": str(svg), "caption": caption}
 
@@ -81,7 +82,7 @@ def _peaks(axes: Axes, found: StepResonances, reached: Array, table: ModeTable) 
         )
         for k, name in enumerate(SYMBOLS[signal] for signal in _SURFACES)
     ]
-    handles.append(Line2D([], [], color=MUTED, lw=0.8, label=r"linearised, $|s| / 2\pi$"))
+    handles.append(Line2D([], [], color=MUTED, lw=0.8, label="linearised"))
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.13, 0.02), fontsize=7.5)
     axes.set_title("peaks")
 
@@ -138,15 +139,15 @@ def paths(wbm: str, found: ModePaths, at: ModePaths) -> Record:
             _network_poles(zoom, at, column, networks)
             _frame(zoom, found, at, column)
         draw_z_plane(whole, ACCEPTANCE.sample_time)
-        handles = [Line2D([], [], color=PALETTE[0], label="linearised, arrow: upwards")]
+        handles = [Line2D([], [], color=PALETTE[0], label="linearised, arrow: upwards in height")]
         handles.append(
             Line2D([], [], color=INK, marker="o", mfc="none", ls="", ms=5, label="at OP25 .. OP85")
         )
         handles += [
-            Line2D([], [], color=PALETTE[4], marker=mark, ls="", label=f"network that ships: {name}")
+            Line2D([], [], color=PALETTE[4], marker=mark, ls="", label=f"network {name}")
             for mark, name in zip(_MARKERS, networks, strict=False)
         ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+        figure.legend(handles=handles, loc="outside lower center", ncols=2)
         svg = inline_svg(figure, f"paths-{wbm}", f"Paths of the poles over the height, white-box set {wbm}.")
     caption = (
         f"White-box set {wbm}: poles of the linearised model, held for 1 ms, over the operating range "

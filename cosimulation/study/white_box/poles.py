@@ -146,4 +146,4 @@ def pole_records(found: ModePaths, at: ModePaths, labels: Record) -> Iterator[Re
     worst = max(entries, key=lambda name: entries[name])
     yield {"measure": STEP, **labels, "path": f"matrices, {worst} worst", "unit": "", "value": entries[worst]}
     unstable = int(np.count_nonzero(np.abs(found.poles).max(axis=1) >= 1.0))
-    yield {"measure": UNSTABLE, **labels, "value": unstable, "unit": "linearisations"}
+    yield {"measure": UNSTABLE, **labels, "value": unstable, "unit": ""}

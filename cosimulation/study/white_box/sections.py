@@ -31,9 +31,10 @@ _HEIGHT = """The thesis (2.1.3) sees the potential to infer the height from the 
 are identified from a short record at a height nobody tells, its mean removed, and compared with the modes of
 the linearised model over the height. Where the wire's motion is measured, the modes come out sharp. Where it
 is the unmeasured noise that drives the modes, their frequencies scatter by sqrt(zeta f / (2 pi T)), and so
-does the height. The thesis expects two heights for one f_H, and f_M to decide between them; of these sets
-f_L (A) and f_M (Blow) turn round, at low heights, and f_H falls throughout (A) or hardly moves at all (Blow).
-On A f_L is identified poorly even where everything is measured: M and H alone are then better than all."""
+does the height, as far as its curve foretells. The thesis expects two heights for one f_H, and f_M to decide
+between them; of these sets f_L (A) and f_M (Blow) turn round, at low heights, and f_H falls throughout (A) or
+hardly moves at all (Blow). At low heights all three modes of A stand nearly still: there the height of a wire
+that is not measured stays uncertain, however the modes are weighed."""
 
 
 def sections(settings: WhiteBoxSettings, _: Records, findings: Records) -> list[Section]:
@@ -97,8 +98,8 @@ def _resonance(one: Mapping[str, Any]) -> Cell:
     ours = "none" if one["value"] is None else number(one["value"], 3)
     theirs = "none" if one["thesis"] is None else number(one["thesis"], 3)
     both = one["value"] is not None and one["thesis"] is not None
-    apart = f" ({one['value'] - one['thesis']:+.3f})".replace("-", "\N{MINUS SIGN}") if both else ""
-    return Cell(ours, small=theirs + apart)
+    apart = f" ({round(one['value'] - one['thesis'], 3) + 0.0:+.3f})" if both else ""
+    return Cell(ours, small=theirs + apart.replace("-", "\N{MINUS SIGN}"))
 
 
 def _static(by_set: Mapping[str, Records]) -> TextTable:
@@ -194,6 +195,7 @@ def _height(settings: WhiteBoxSettings, by_set: Mapping[str, Records]) -> Sectio
         figures=[over_duration(together), over_height(curves, dots, blind)],
         text_tables=[
             *(_by_duration(wbm, mine) for wbm, mine in together.items()),
+            _foretold(together),
             *(_by_modes(wbm, mine, longest) for wbm, mine in errors.items()),
         ],
     )
@@ -207,6 +209,31 @@ def _by_duration(wbm: str, errors: Records) -> TextTable:
         cells = tuple(_error([one for one in mine if one["duration"] == duration]) for duration in durations)
         rows.append(Row(_named(route, noise), cells))
     caption = f"White-box set {wbm}: error of the height from all modes [m], median; below it the largest."
+    return TextTable(caption, "measured; noise", [f"{duration:g} s" for duration in durations], rows)
+
+
+def _foretold(by_set: Mapping[str, Records]) -> TextTable:
+    """Return errors over the standard deviations that the estimator gave with them, rms over all records."""
+    durations = sorted({one["duration"] for mine in by_set.values() for one in mine})
+    rows = []
+    for wbm, errors in by_set.items():
+        for route, noise in dict.fromkeys((one["route"], one["noise"]) for one in errors):
+            cells = []
+            for duration in durations:
+                ratios = [
+                    one["value"] / one["foretold"]
+                    for one in errors
+                    if (one["route"], one["noise"], one["duration"]) == (route, noise, duration)
+                    and one["value"] is not None
+                    and one["foretold"]
+                ]
+                rms = float(np.sqrt(np.mean(np.square(ratios)))) if ratios else float("nan")
+                cells.append(Cell(number(rms, 2)))
+            rows.append(Row(f"{wbm}, {_named(route, noise)}", tuple(cells)))
+    caption = (
+        "Error of the height over the standard deviation foretold with it, root mean square: about 1 where "
+        "the formula holds, less where measured inputs explain what drives the modes."
+    )
     return TextTable(caption, "measured; noise", [f"{duration:g} s" for duration in durations], rows)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from cosimulation.progress import SILENT, Reporter
 from cosimulation.study.runner import StudyResult
 
-STUDIES = ("order", "blending", "surrogate", "shipped", "lolimot", "white_box")
+STUDIES = ("order", "blending", "surrogate", "shipped", "lolimot", "white_box", "contact", "extrapolation")
 
 
 def run_study(

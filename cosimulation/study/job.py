@@ -11,7 +11,17 @@ from cosimulation.progress import Reporter
 from cosimulation.result_folder import result_folder
 from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
-from cosimulation.study import blending, lolimot, order, shipped, surrogate, tables, white_box
+from cosimulation.study import (
+    blending,
+    contact,
+    extrapolation,
+    lolimot,
+    order,
+    shipped,
+    surrogate,
+    tables,
+    white_box,
+)
 from cosimulation.study.limits import judge, plural
 from cosimulation.study.page import Section, render
 from cosimulation.study.runner import Pool, StudyResult, StudySettings, as_json
@@ -62,6 +72,17 @@ STUDIES = {
     ),
     "white_box": Study(
         white_box.WhiteBoxSettings, white_box.tasks, white_box.run_task, white_box.sections, False
+    ),
+    "contact": Study(
+        contact.ContactSettings, contact.tasks, contact.run_task, contact.sections, False, contact.lines
+    ),
+    "extrapolation": Study(
+        extrapolation.ExtrapolationSettings,
+        extrapolation.tasks,
+        extrapolation.run_task,
+        extrapolation.sections,
+        False,
+        extrapolation.lines,
     ),
 }
 _FINDINGS = (

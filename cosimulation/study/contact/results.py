@@ -1,0 +1,101 @@
+"""What the page needs of scores and findings: medians over the seeds by situation."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cosimulation.pantograph import TORQUE
+from cosimulation.study.contact.settings import ContactSettings
+from cosimulation.study.contact.situation import Situation
+from cosimulation.study.side_by_side import Record, model_of, networks_of
+
+Points = dict[float, float]
+
+
+class Results:
+    """Scores and findings of a study, looked up by their labels.
+
+    Args:
+        settings: The study's.
+        scores: Score records.
+        findings: Measures and curves.
+    """
+
+    def __init__(
+        self, settings: ContactSettings, scores: Sequence[Record], findings: Sequence[Record]
+    ) -> None:
+        self.settings = settings
+        self._drawings = [item for item in findings if "drawing" in item]
+        self._measures: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
+        for item in findings:
+            if "measure" in item:
+                place = item["measure"], item["wbm"], item["network"], item["situation"]
+                self._measures[place].append(item)
+        self._fits: dict[tuple[Any, ...], list[float]] = defaultdict(list)
+        for item in scores:
+            fit = -np.inf if item["fit"] is None else item["fit"]
+            self._fits[item["wbm"], item["model"], item["data_set"], item["signal"]].append(fit)
+
+    @property
+    def sets(self) -> tuple[str, ...]:
+        """White-box sets."""
+        return self.settings.sets
+
+    def networks(self, wbm: str) -> tuple[str, ...]:
+        """Return the networks of a white-box set."""
+        return networks_of(wbm)
+
+    def drawings(self, kind: str, wbm: str) -> list[Record]:
+        """Return curves of one kind."""
+        return [item for item in self._drawings if (item["drawing"], item["wbm"]) == (kind, wbm)]
+
+    def fit(self, wbm: str, network: str, situation: Situation, contact: str, signal: str = "F_p") -> float:
+        """Return the median FIT of a signal [%], NaN where there is none."""
+        return _median(self._fits[wbm, model_of(network), situation.name(contact), signal])
+
+    def value(
+        self, measure: str, wbm: str, network: str, situation: Situation, contact: str, field: str = "value"
+    ) -> float:
+        """Return the median of a measure, or of what the white-box model has in its place ("reference")."""
+        found = self._measures[measure, wbm, network, situation.name(contact)]
+        return _median([np.nan if item[field] is None else item[field] for item in found])
+
+    def frictions(self, amplitude: float) -> list[Situation]:
+        """Return the situations with friction, in the order of the settings."""
+        return [Situation("friction", case.name, case.coulomb, amplitude) for case in self.settings.frictions]
+
+    def lift_offs(self, torque: float = TORQUE) -> list[Situation]:
+        """Return the situations with lift-off at one mean torque, in the order of the settings."""
+        none = self.settings.frictions[0].name
+        return [
+            Situation("lift-off", none, 0.0, amplitude, torque, unilateral=True)
+            for amplitude in self.settings.amplitudes
+        ]
+
+    def combinations(self) -> list[Situation]:
+        """Return the situations with both."""
+        return [
+            Situation(
+                "both",
+                one.friction,
+                self.settings.friction(one.friction).coulomb,
+                one.amplitude,
+                one.torque,
+                unilateral=True,
+            )
+            for one in self.settings.combinations
+        ]
+
+    def jumps(self) -> list[Situation]:
+        """Return the raised and the dropped wire."""
+        none = self.settings.frictions[0].name
+        rises = self.settings.jump, -self.settings.jump
+        return [Situation("jump", none, amplitude=rise, unilateral=True) for rise in rises]
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else float("nan")

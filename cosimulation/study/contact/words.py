@@ -1,0 +1,262 @@
+"""What the study found, in sentences made of its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from cosimulation.pantograph import TORQUE
+from cosimulation.study.contact.results import Results
+from cosimulation.study.contact.situation import Situation
+from cosimulation.study.contact.task import TWIN
+from cosimulation.study.side_by_side import WHITE_BOX, model_of
+
+Answer = Callable[[Results, str], str]
+
+
+def _worse(results: Results, wbm: str, situation: Situation, contact: str, signal: str = "F_p") -> float:
+    """Return the FIT of the worse network [%]."""
+    return min(results.fit(wbm, name, situation, contact, signal) for name in results.networks(wbm))
+
+
+def _usable_up_to(results: Results, wbm: str, ordered: Sequence[Situation], contact: str) -> Situation | None:
+    """Return the last of the situations, in rising order, up to which both networks are usable."""
+    last = None
+    for one in ordered:
+        if not _worse(results, wbm, one, contact) >= results.settings.usable_fit:
+            break
+        last = one
+    return last
+
+
+def _axis(results: Results, amplitude: float) -> list[Situation]:
+    wanted = {case.name for case in results.settings.frictions if case.axis}
+    chosen = [one for one in results.frictions(amplitude) if one.friction in wanted]
+    return sorted(chosen, key=lambda one: one.coulomb)
+
+
+def friction(results: Results, wbm: str) -> str:
+    """Say up to which friction the contact force is usable."""
+    parts = []
+    for amplitude in results.settings.friction_amplitudes:
+        levels = _axis(results, amplitude)
+        last = _usable_up_to(results, wbm, levels, "bilateral")
+        most = levels[-1]
+        fit = _worse(results, wbm, most, "bilateral")
+        usable = f"usable up to {last.coulomb:g} N.m" if last else "not usable even without friction"
+        parts.append(f"amplitude {amplitude:g}: {usable}; FIT {fit:.0f} % at {most.coulomb:g} N.m")
+    return "; ".join(parts) + "."
+
+
+def other_signals(results: Results, wbm: str) -> str:
+    """Say which signals suffer most from friction."""
+    levels = _axis(results, results.settings.friction_amplitudes[0])
+    last = levels[-1]
+    fits = {
+        signal: _worse(results, wbm, last, "bilateral", signal)
+        for signal in ("xi", "xi_dot", "zeta", "zeta_dot", "F_H")
+    }
+    said = ", ".join(f"{signal} {fit:.0f} %" for signal, fit in fits.items())
+    bad = [signal for signal, fit in fits.items() if not fit >= results.settings.usable_fit]
+    verdict = f"Not usable: {', '.join(bad)}." if bad else "All of them are usable."
+    return f"At {last.coulomb:g} N.m, full amplitude: {said}. {verdict}"
+
+
+def mean_force(results: Results, wbm: str) -> str:
+    """Say whether the mean force is right in spite of friction."""
+    values = [
+        (results.value("error of mean F_p", wbm, name, one, "bilateral"), one, amplitude)
+        for amplitude in results.settings.friction_amplitudes
+        for one in results.frictions(amplitude)
+        for name in results.networks(wbm)
+    ]
+    error, one, amplitude = max(values, key=lambda item: item[0])
+    name = results.networks(wbm)[0]
+    mean = results.value("mean F_p", wbm, name, one, "bilateral", "reference")
+    return f"At most {error:.1f} N off, of {mean:.1f} N ({one.friction}, amplitude {amplitude:g})."
+
+
+def hysteresis(results: Results, wbm: str) -> str:
+    """Say how wide the loop of the white-box model is, and that of the networks."""
+    names = [case for case in results.settings.frictions if case.axis and case.coulomb > 0.0]
+    none = Situation("ramp", results.settings.frictions[0].name)
+    widths = [
+        abs(results.value("width of the hysteresis", wbm, name, none, "bilateral"))
+        for name in results.networks(wbm)
+    ]
+    said = (
+        f"The networks run on one line (at most {max(widths):.2f} N between up and down): "
+        "they have no hysteresis."
+    )
+    if not names:
+        return said
+    case = names[-1]
+    dry = Situation("ramp", case.name, case.coulomb)
+    width = results.value("width of the hysteresis", wbm, WHITE_BOX, dry, "bilateral")
+    theory = results.value("width of the hysteresis", wbm, WHITE_BOX, dry, "bilateral", "reference")
+    return f"White-box model at {case.coulomb:g} N.m: {width:.1f} N (2 T_c / z_1 = {theory:.1f} N). {said}"
+
+
+def single_bounces(results: Results, wbm: str) -> str:
+    """Say up to which amplitude the contact force is right at every instant."""
+    ordered = sorted(results.lift_offs(), key=lambda one: one.amplitude)
+    last = _usable_up_to(results, wbm, ordered, "unilateral")
+    first = results.networks(wbm)[0]
+    if last is None:
+        return "Not usable at any amplitude that was tried."
+    share = results.value("time without contact", wbm, first, last, "unilateral", "reference")
+    said = f"Usable up to amplitude {last.amplitude:g}, with {share:.1f} % of the time without contact."
+    beyond = [one for one in ordered if one.amplitude > last.amplitude]
+    if beyond:
+        parts = [
+            f"{one.amplitude:g}: {_worse(results, wbm, one, 'unilateral'):.0f} % "
+            f"(twin {results.fit(wbm, TWIN, one, 'unilateral'):.0f} %)"
+            for one in beyond
+        ]
+        said += f" Not usable beyond, FIT at amplitude {', '.join(parts)}."
+    return said
+
+
+def statistics(results: Results, wbm: str) -> str:
+    """Say whether the statistics hold where the single bounce does not."""
+    settings = results.settings
+    good, all_of_them, worst = 0, 0, (0.0, 0.0, 0.0)
+    for torque in settings.torques:
+        for one in results.lift_offs(torque):
+            for name in results.networks(wbm):
+                loss = results.value("error of the time without contact", wbm, name, one, "unilateral")
+                spread = results.value("error of the standard deviation of F_p", wbm, name, one, "unilateral")
+                peak = _relative_peak(results, wbm, name, one, "unilateral")
+                all_of_them += 1
+                good += loss <= settings.usable_loss and spread <= settings.usable_deviation
+                worst = max(worst[0], loss), max(worst[1], spread), max(worst[2], peak)
+    return (
+        f"{good} of {all_of_them} situations within {settings.usable_loss:g} percentage points of the time "
+        "without contact "
+        f"and {settings.usable_deviation:g} % of the standard deviation; at worst {worst[0]:.1f} points, "
+        f"{worst[1]:.1f} %, and "
+        f"the largest force {worst[2]:.0f} % off."
+    )
+
+
+def _relative_peak(results: Results, wbm: str, name: str, one: Situation, contact: str) -> float:
+    """Return how far the largest force is off [%]."""
+    ours, theirs = (
+        results.value("largest F_p", wbm, name, one, contact, field) for field in ("value", "reference")
+    )
+    return 100.0 * abs(ours / theirs - 1.0)
+
+
+def ignored(results: Results, wbm: str) -> str:
+    """Say what somebody gets who leaves unilateral off."""
+    ordered = sorted(results.lift_offs(), key=lambda one: one.amplitude)
+    last = _usable_up_to(results, wbm, ordered, "bilateral")
+    usable = f"Usable up to amplitude {last.amplitude:g}" if last else "Not usable at any amplitude tried"
+    most = ordered[-1]
+    name = results.networks(wbm)[0]
+    deviation = [
+        results.value("standard deviation of F_p", wbm, name, most, "bilateral", field)
+        for field in ("value", "reference")
+    ]
+    share = [
+        results.value("time without contact", wbm, name, most, "bilateral", field)
+        for field in ("value", "reference")
+    ]
+    return (
+        f"{usable}. At amplitude {most.amplitude:g} its force is negative for {share[0]:.0f} % of the time "
+        "where contact is "
+        f"lost for {share[1]:.0f} %, and its standard deviation is {deviation[0]:.0f} N in place of "
+        f"{deviation[1]:.0f} N."
+    )
+
+
+def torque(results: Results, wbm: str) -> str:
+    """Say what a larger static force does to the networks."""
+    parts = []
+    for mean in results.settings.torques:
+        if mean == TORQUE:
+            continue
+        calm = min(results.lift_offs(mean), key=lambda one: one.amplitude)
+        ordered = sorted(results.lift_offs(mean), key=lambda one: one.amplitude)
+        usable = [
+            one for one in ordered if _worse(results, wbm, one, "unilateral") >= results.settings.usable_fit
+        ]
+        error = results.value("error of mean F_p", wbm, results.networks(wbm)[0], calm, "unilateral")
+        upto = (
+            f"usable at amplitudes {usable[0].amplitude:g} to {usable[-1].amplitude:g}"
+            if usable
+            else "not usable"
+        )
+        outside = results.value("time out of range", wbm, results.networks(wbm)[0], calm, "unilateral")
+        parts.append(
+            f"{mean:g} N.m: {upto}, mean force {error:.1f} N off, in_range false for "
+            f"{outside:.0f} % of the time"
+        )
+    return "; ".join(parts) + "." if parts else "Not tried."
+
+
+def raised(results: Results, wbm: str) -> str:
+    """Say when contact is regained after the wire was raised."""
+    one = results.jumps()[0]
+    reference = 1e3 * results.value("first loss after a jump", wbm, WHITE_BOX, one, "unilateral")
+    found = ", ".join(
+        f"{model_of(name)} "
+        f"{1e3 * results.value('first loss after a jump', wbm, name, one, 'unilateral'):.0f} ms"
+        for name in results.networks(wbm)
+    )
+    pull = results.value("smallest F_p", wbm, results.networks(wbm)[0], one, "bilateral")
+    return (
+        f"Contact lost at once, regained after {reference:.0f} ms; {found}. With unilateral off the "
+        "network pulls with "
+        f"{-pull:.0f} N instead."
+    )
+
+
+def dropped(results: Results, wbm: str) -> str:
+    """Say what happens after the wire was dropped."""
+    one = results.jumps()[1]
+    name = results.networks(wbm)[0]
+    peak = [
+        results.value("largest F_p", wbm, name, one, "unilateral", field) for field in ("value", "reference")
+    ]
+    reference = 1e3 * results.value("first loss after a jump", wbm, WHITE_BOX, one, "unilateral")
+    found = ", ".join(
+        f"{model_of(item)} "
+        f"{1e3 * results.value('first loss after a jump', wbm, item, one, 'unilateral'):.0f} ms"
+        for item in results.networks(wbm)
+    )
+    pressed = f"Pressed with {peak[1]:.0f} N (network {peak[0]:.0f} N)"
+    return f"{pressed}, then thrown off for {reference:.0f} ms; {found}."
+
+
+def both(results: Results, wbm: str) -> str:
+    """Say what friction and lift-off do together."""
+    parts = []
+    for one in results.combinations():
+        share = [
+            results.value("time without contact", wbm, results.networks(wbm)[0], one, "unilateral", field)
+            for field in ("reference", "value")
+        ]
+        fit = _worse(results, wbm, one, "unilateral")
+        word = "usable" if fit >= results.settings.usable_fit else "not usable"
+        parts.append(
+            f"{one.friction}, amplitude {one.amplitude:g}: {word}, FIT {fit:.0f} % "
+            f"(twin {results.fit(wbm, TWIN, one, 'unilateral'):.0f} %), {share[1]:.1f} % without contact "
+            "in place of "
+            f"{share[0]:.1f} %"
+        )
+    return "; ".join(parts) + "." if parts else "Not tried."
+
+
+ANSWERS: tuple[tuple[str, Answer], ...] = (
+    ("Friction in the base joint: is the contact force usable?", friction),
+    ("Friction: and the other signals?", other_signals),
+    ("Friction: and the mean contact force?", mean_force),
+    ("Friction: is there hysteresis?", hysteresis),
+    (f"Lift-off at {TORQUE:g} N.m: is every single bounce right?", single_bounces),
+    ("Lift-off: are the statistics right?", statistics),
+    ("Lift-off with unilateral left off?", ignored),
+    ("Lift-off under a larger static force?", torque),
+    ("A raised wire?", raised),
+    ("A dropped wire?", dropped),
+    ("Friction and lift-off together?", both),
+)

@@ -1,0 +1,67 @@
+"""What the page needs of scores and findings: medians over the seeds by cause and value."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cosimulation.study.extrapolation.settings import Cause, ExtrapolationSettings
+from cosimulation.study.extrapolation.task import CLAMP, WARN, situation
+from cosimulation.study.side_by_side import WHITE_BOX, Record, model_of, networks_of
+
+
+class Results:
+    """Scores and findings of a study, looked up by their labels.
+
+    Args:
+        settings: The study's.
+        scores: Score records.
+        findings: Measures.
+    """
+
+    def __init__(
+        self, settings: ExtrapolationSettings, scores: Sequence[Record], findings: Sequence[Record]
+    ) -> None:
+        self.settings = settings
+        self._measures: dict[tuple[Any, ...], list[float]] = defaultdict(list)
+        clamped = False
+        for item in findings:
+            keys = ("measure", "wbm", "network", "cause", "at", "policy")
+            value = np.nan if item["value"] is None else item["value"]
+            self._measures[tuple(item[key] for key in keys)].append(value)
+            clamped = clamped or item["policy"] == CLAMP
+        self.policies = (WARN, CLAMP) if clamped else (WARN,)
+        self._fits: dict[tuple[Any, ...], list[float]] = defaultdict(list)
+        for item in scores:
+            fit = -np.inf if item["fit"] is None else item["fit"]
+            self._fits[item["wbm"], item["model"], item["data_set"], item["signal"]].append(fit)
+
+    @property
+    def sets(self) -> tuple[str, ...]:
+        """White-box sets."""
+        return self.settings.sets
+
+    def networks(self, wbm: str) -> tuple[str, ...]:
+        """Return the networks of a white-box set."""
+        return networks_of(wbm)
+
+    def fit(self, wbm: str, network: str, cause: Cause, at: float, policy: str = WARN) -> float:
+        """Return the median FIT of F_p [%], NaN where there is none."""
+        return _median(self._fits[wbm, model_of(network), situation(cause.name, at, policy), "F_p"])
+
+    def value(
+        self, measure: str, wbm: str, network: str, cause: Cause, at: float, policy: str = WARN
+    ) -> float:
+        """Return the median of a measure, NaN where there is none."""
+        return _median(self._measures[measure, wbm, network, cause.name, at, policy])
+
+    def reference(self, measure: str, wbm: str, cause: Cause, at: float) -> float:
+        """Return the median of a measure of the white-box model or of the inputs."""
+        return self.value(measure, wbm, WHITE_BOX, cause, at)
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else float("nan")

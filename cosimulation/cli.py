@@ -262,7 +262,12 @@ def prove(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="order, blending, surrogate or shipped.", show_default=False)],
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="order, blending, surrogate, shipped, contact or extrapolation.", show_default=False
+        ),
+    ],
     settings: Annotated[
         Path | None,
         typer.Option(help="Settings file that stands in for the one that comes with it.", show_default=False),

@@ -48,6 +48,12 @@ WBM_BOUNCE_ENERGY = 1e-6  # J of some hundred in 1.5 s: a quarter of a milliseco
 LIFTED_NETWORK = 0.01  # of the span of xi in 0.3 s: a linearisation, 9 cm above its point; 0.9 % is seen
 HYSTERESIS = 0.05  # relative: asked for; what the arms' own bend adds, 1.4 % is seen
 HYSTERESIS_WITHOUT = 0.001  # of the hysteresis with friction: the rest of a swing, averaged over four seconds
+CONTACT_BAND = (
+    0.001  # of an amplitude: a Butterworth filter twice, two octaves inside and one and a half outside
+)
+SINE_RESPONSE = (
+    0.002  # relative: peak to peak of a thousand samples, transients decay below this in three seconds
+)
 FRICTION_STEP = 2.7  # step times decay rate: 2.5 is aimed at with an unbent knee, 2.785 is the limit
 SIMULATION = 1e-11  # of the largest output: blocks of rows instead of rows, other order of summation
 RMS_SCALING = 1e-14  # relative: one division and one square root

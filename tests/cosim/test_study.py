@@ -194,7 +194,10 @@ def test_colours_go_from_red_over_yellow_to_green() -> None:
     assert colour(-5.0) == colour(0.0) != colour(50.0) != colour(100.0)
 
 
-@pytest.mark.parametrize("name", sorted(set(KNOWN) - {"shipped", "white_box"}))
+OF_THEIR_OWN_TESTS = {"shipped", "white_box", "contact", "extrapolation"}
+
+
+@pytest.mark.parametrize("name", sorted(set(KNOWN) - OF_THEIR_OWN_TESTS))
 def test_the_settings_that_come_with_a_study_are_valid_and_their_limits_can_be_met(name: str) -> None:
     settings = load_settings(KNOWN[name].settings, STUDIES / f"{name}.toml")
     assert len(settings.seeds) == 8

@@ -41,9 +41,8 @@ def over_friction(results: Results) -> Drawing:
 
     caption = (
         "FIT of the contact force over Coulomb friction in the base joint of the white-box model, median "
-        "over "
-        "the seeds. The networks know of no friction; n4sid hides the surrogate where they agree; what is "
-        "below zero is drawn at zero."
+        "over the seeds. The networks know of no friction; n4sid hides the surrogate where they agree; what "
+        "is below zero is drawn at zero."
     )
     return _panels("friction", results.sets, draw, "FIT of $F_p$ [%]", caption, 3.2)
 
@@ -64,10 +63,8 @@ def over_amplitude(results: Results) -> Drawing:
         caption = (
             f"Lift-off at {TORQUE:g} N.m: FIT of the contact force (above; what is worse is drawn at "
             f"{_minus(WORST_FIT)} %) and time without contact (below) over the amplitude, median over the "
-            "seeds. The "
-            "twin is the white-box model itself on a wire that is a hair higher: beyond the amplitude "
-            "where it "
-            "fails, nobody predicts the single bounce."
+            "seeds. The twin is the white-box model itself on a wire that is a hair higher: beyond the "
+            "amplitude where it fails, nobody predicts the single bounce."
         )
         svg = inline_svg(figure, "amplitude", caption)
     return Drawing(Markup(svg), caption)
@@ -155,9 +152,9 @@ def loops(results: Results) -> Drawing:
         axes.set_xlabel("height of the wire [m]")
 
     caption = (
-        "Contact force over the height of the wire on a slow ramp up and down: white-box model with friction "
-        "(grey to black), below on the rising and above on the falling wire; the networks (dashed) run on "
-        "one line."
+        "Contact force over the height of the wire on a slow ramp up and down: white-box model with "
+        "friction (grey to black), below on the rising and above on the falling wire; the networks (dashed) "
+        "run on one line."
     )
     return _panels("loops", results.sets, draw, "$F_p$ [N]", caption, 3.8, True)
 

@@ -90,36 +90,27 @@ def sections(
 
 _ABOUT = (
     "The networks that ship were identified on a white-box model without friction, with a wire that never "
-    "lets go. "
-    "Here they run as FMUs beside that model with friction, with a contact that opens, and with both. "
-    "Nothing was "
-    "identified anew. Amplitudes scale the acceptance recipe: 1 is 1.2 mm rms of wire noise and torque "
-    "steps of "
-    "+-75 N.m; the last three quarters of every record count. The white-box model stands in for a "
-    "pantograph, it is "
-    "none; no friction of a real one is published here."
+    "lets go. Here they run as FMUs beside that model with friction, with a contact that opens, and with "
+    "both. Nothing was identified anew. Amplitudes scale the acceptance recipe: 1 is 1.2 mm rms of wire "
+    "noise and torque steps of +-75 N.m; the last three quarters of every record count. The white-box model "
+    "stands in for a pantograph, it is none; no friction of a real one is published here."
 )
 _FRICTION = (
     "The network has no state for friction: it answers as if there were none. While the wire moves slowly "
-    "it is off by "
-    "T_c / z_1, half the hysteresis. While it moves fast friction also brakes the resonances, which the "
-    "network then "
-    "shows too large: the error is several times that."
+    "it is off by T_c / z_1, half the hysteresis. While it moves fast friction also brakes the resonances, "
+    "which the network then shows too large: the error is several times that."
 )
 _LIFT_OFF = (
     "With the parameter unilateral on, min(eta, xi) takes the place of eta in the network, in force, "
-    "scheduling and "
-    "rebase. The twin is the white-box model itself on a wire that is a micrometre higher: what it cannot "
-    "predict of its own motion no model can. Contact is looked at once per millisecond; shorter losses are "
-    "missed "
-    "by both. The statistics are those of EN 50317 and EN 50318: deviation and statistical minimum (mean "
-    "less three "
-    "standard deviations) are of the force up to 20 Hz where the name says so."
+    "scheduling and rebase. The twin is the white-box model itself on a wire that is a micrometre higher: "
+    "what it cannot predict of its own motion no model can. Contact is looked at once per millisecond; "
+    "shorter losses are missed by both. The statistics are those of EN 50317 and EN 50318: deviation and "
+    "statistical minimum (mean less three standard deviations) are of the force up to 20 Hz where the name "
+    "says so."
 )
 _BOTH = (
     "Friction damps the bounces, so that the white-box model can predict itself (twin). What is missing in "
-    "the network "
-    "is the friction, not the contact."
+    "the network is the friction, not the contact."
 )
 
 
@@ -143,8 +134,8 @@ def _friction_table(results: Results, wbm: str) -> Table:
             ]
             rows.append(Row(f"{one.friction}, {model_of(network)}", [(fit[0], fit[1]) for fit in fits]))
     caption = (
-        f"Set {wbm}: FIT of every signal [%] at the amplitude {large:g}, below it small at "
-        f"{small:g}, median over the seeds."
+        f"Set {wbm}: FIT of every signal [%] at the amplitude {large:g}, below it small at {small:g}, median "
+        "over the seeds."
     )
     return Table(caption, "friction of the white-box model", SIGNALS, rows)
 
@@ -168,8 +159,7 @@ def _friction_forces(results: Results, wbm: str) -> TextTable:
             rows.append(TextRow(one.friction, tuple(cells)))
     caption = (
         f"Set {wbm}: contact force [N], white-box model / {_SLASH.join(map(model_of, names))} (errors: the "
-        "networks "
-        "only), median over the seeds."
+        "networks only), median over the seeds."
     )
     return TextTable(caption, "friction", [name for name, _, _ in measures], rows)
 
@@ -209,8 +199,7 @@ def _lift_off_fits(results: Results, wbm: str) -> TextTable:
     )  # fmt: skip
     caption = (
         f"Set {wbm}, lift-off: contact force of the networks ({_SLASH.join(map(model_of, names))}), median "
-        "over the "
-        "seeds. First lift-off: of 5 ms and more, from the start of the record."
+        "over the seeds. First lift-off: of 5 ms and more, from the start of the record."
     )
     return TextTable(caption, "mean torque, amplitude", columns, rows)
 
@@ -255,8 +244,7 @@ def _statistics_table(
     names = [model_of(name) for name in results.networks(wbm)]
     caption = (
         f"{title}: contact statistics, white-box model / {_SLASH.join(names)} / {names[0]} with unilateral "
-        "off (no "
-        "contact: it pulls), median over the seeds."
+        "off (no contact: it pulls), median over the seeds."
     )
     columns = [f"{name} [{units[name]}]".replace(" [1]", "") for name in _STATISTICS]
     return TextTable(caption, corner, columns, rows)
@@ -276,8 +264,7 @@ def _jump_table(results: Results, wbm: str) -> TextTable:
                 rows.append(_jump_row(results, wbm, one, network, contact))
     caption = (
         f"Set {wbm}: after a jump of the wire at {results.settings.jump_height:g} m, white-box model with "
-        "unilateral on / "
-        f"network, over {results.settings.jump_duration:g} s. Lost for: the first loss."
+        f"unilateral on / network, over {results.settings.jump_duration:g} s. Lost for: the first loss."
     )
     return TextTable(caption, "network", columns, rows)
 

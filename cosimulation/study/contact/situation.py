@@ -84,8 +84,8 @@ class Situation:
     def name(self, contact: str) -> str:
         """Return the name of the record that scores are under; tells what the network does about contact."""
         return (
-            f"{self.part}, {self.friction}, amplitude {self.amplitude:g}, {self.torque:g} N.m, "
-            f"network {contact}"
+            f"{self.part}, {self.friction}, amplitude {self.amplitude:g}, {self.torque:g} N.m, network "
+            f"{contact}"
         )
 
 

@@ -84,8 +84,8 @@ def hysteresis(results: Results, wbm: str) -> str:
         for name in results.networks(wbm)
     ]
     said = (
-        f"The networks run on one line (at most {max(widths):.2f} N between up and down): "
-        "they have no hysteresis."
+        f"The networks run on one line (at most {max(widths):.2f} N between up and down): they have no "
+        "hysteresis."
     )
     if not names:
         return said
@@ -108,8 +108,8 @@ def single_bounces(results: Results, wbm: str) -> str:
     beyond = [one for one in ordered if one.amplitude > last.amplitude]
     if beyond:
         parts = [
-            f"{one.amplitude:g}: {_worse(results, wbm, one, 'unilateral'):.0f} % "
-            f"(twin {results.fit(wbm, TWIN, one, 'unilateral'):.0f} %)"
+            f"{one.amplitude:g}: {_worse(results, wbm, one, 'unilateral'):.0f} % (twin "
+            f"{results.fit(wbm, TWIN, one, 'unilateral'):.0f} %)"
             for one in beyond
         ]
         said += f" Not usable beyond, FIT at amplitude {', '.join(parts)}."
@@ -131,10 +131,8 @@ def statistics(results: Results, wbm: str) -> str:
                 worst = max(worst[0], loss), max(worst[1], spread), max(worst[2], peak)
     return (
         f"{good} of {all_of_them} situations within {settings.usable_loss:g} percentage points of the time "
-        "without contact "
-        f"and {settings.usable_deviation:g} % of the standard deviation; at worst {worst[0]:.1f} points, "
-        f"{worst[1]:.1f} %, and "
-        f"the largest force {worst[2]:.0f} % off."
+        f"without contact and {settings.usable_deviation:g} % of the standard deviation; at worst "
+        f"{worst[0]:.1f} points, {worst[1]:.1f} %, and the largest force {worst[2]:.0f} % off."
     )
 
 
@@ -163,9 +161,8 @@ def ignored(results: Results, wbm: str) -> str:
     ]
     return (
         f"{usable}. At amplitude {most.amplitude:g} its force is negative for {share[0]:.0f} % of the time "
-        "where contact is "
-        f"lost for {share[1]:.0f} %, and its standard deviation is {deviation[0]:.0f} N in place of "
-        f"{deviation[1]:.0f} N."
+        f"where contact is lost for {share[1]:.0f} %, and its standard deviation is {deviation[0]:.0f} N in "
+        f"place of {deviation[1]:.0f} N."
     )
 
 
@@ -188,8 +185,7 @@ def torque(results: Results, wbm: str) -> str:
         )
         outside = results.value("time out of range", wbm, results.networks(wbm)[0], calm, "unilateral")
         parts.append(
-            f"{mean:g} N.m: {upto}, mean force {error:.1f} N off, in_range false for "
-            f"{outside:.0f} % of the time"
+            f"{mean:g} N.m: {upto}, mean force {error:.1f} N off, in_range false for {outside:.0f} %"
         )
     return "; ".join(parts) + "." if parts else "Not tried."
 
@@ -205,9 +201,8 @@ def raised(results: Results, wbm: str) -> str:
     )
     pull = results.value("smallest F_p", wbm, results.networks(wbm)[0], one, "bilateral")
     return (
-        f"Contact lost at once, regained after {reference:.0f} ms; {found}. With unilateral off the "
-        "network pulls with "
-        f"{-pull:.0f} N instead."
+        f"Contact lost at once, regained after {reference:.0f} ms; {found}. With unilateral off the network "
+        f"pulls with {-pull:.0f} N instead."
     )
 
 
@@ -239,10 +234,9 @@ def both(results: Results, wbm: str) -> str:
         fit = _worse(results, wbm, one, "unilateral")
         word = "usable" if fit >= results.settings.usable_fit else "not usable"
         parts.append(
-            f"{one.friction}, amplitude {one.amplitude:g}: {word}, FIT {fit:.0f} % "
-            f"(twin {results.fit(wbm, TWIN, one, 'unilateral'):.0f} %), {share[1]:.1f} % without contact "
-            "in place of "
-            f"{share[0]:.1f} %"
+            f"{one.friction}, amplitude {one.amplitude:g}: {word}, FIT {fit:.0f} % (twin "
+            f"{results.fit(wbm, TWIN, one, 'unilateral'):.0f} %), {share[1]:.1f} % without contact in place "
+            f"of {share[0]:.1f} %"
         )
     return "; ".join(parts) + "." if parts else "Not tried."
 

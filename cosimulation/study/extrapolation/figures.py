@@ -56,9 +56,8 @@ def over_cause(results: Results, cause: Cause) -> Drawing:
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
         caption = (
             f"Over {cause.name}: 95 % quantile of the error of the contact force, its FIT (what is worse "
-            "than 0 is drawn "
-            "there), and the share of time with in_range = false; median over the seeds. Green: trained "
-            "region."
+            "than 0 is drawn there), and the share of time with in_range = false; median over the seeds. "
+            "Green: trained region."
         )
         svg = inline_svg(figure, f"over-{cause.name}", caption)
     return Drawing(Markup(svg), caption)

@@ -17,24 +17,27 @@ from cosimulation.study.side_by_side import Record, model_of
 
 _SLASH = "\N{NO-BREAK SPACE}/ "
 _ABOUT = (
-    "The networks that ship, as FMUs beside the white-box FMU, driven beyond what they were trained on, "
-    "one cause at a "
-    "time; everything else stays as in training. Both contacts are bilateral. The last three quarters of "
-    "every record "
-    "count. Model on model: where the white-box model has no answer either, no error is known."
+    "The networks that ship, as FMUs beside the white-box FMU, driven beyond what they were trained on, one "
+    "cause at a time; everything else stays as in training. Both contacts are bilateral. The last three "
+    "quarters of every record count. Model on model: where the white-box model has no answer either, no "
+    "error is known."
 )
 _TEXTS = {
-    "height": "The acceptance recipe at one height. Beyond the range the weights of the local models stay, "
-    "and the static "
-    "map goes on in a straight line.",
-    "speed": "The acceptance recipe on a wire that goes up and down in a sine through the whole range; the "
-    "value is "
-    "its speed in the middle. What in_range may look at is the move from one tick to the next, which noise "
-    "alone makes "
-    "larger than any of these speeds.",
+    "height": (
+        "The acceptance recipe at one height. Beyond the range the weights of the local models stay, and "
+        "the static map goes on in a straight line."
+    ),
+    "speed": (
+        "The acceptance recipe on a wire that goes up and down in a sine through the whole range; the value "
+        "is its speed in the middle. An FMU sees the move from one tick to the next only, in which the "
+        "noise of the training hides a slow movement."
+    ),
     "noise": "The whole-range record with the wire's noise scaled; the torque's steps stay.",
-    "frequency": "A sine of the wire alone, without noise and torque steps; the same for every seed, so "
-    "one run each.",
+    "frequency": (
+        "A sine of the wire alone, without noise and torque steps; the same for every seed, so one run "
+        "each. The noise of the training is behind a first-order low-pass: beyond its corner less of it is "
+        "left, but some."
+    ),
     "torque": "The acceptance recipe at one height about another mean torque.",
 }
 
@@ -67,8 +70,7 @@ def sections(
             rows.append(TextRow(question, tuple(Cell(answer(results, wbm, cause)) for wbm in settings.sets)))
     caption = (
         "What the figures below say; usable: the worse network of the set has a FIT of "
-        f"{settings.usable_fit:g} % or more "
-        "in F_p there and everywhere between there and the value inside."
+        f"{settings.usable_fit:g} % or more in F_p there and everywhere between there and the value inside."
     )
     said = TextTable(caption, "", [f"white-box set {wbm}" for wbm in settings.sets], rows, prose=True)
     without = "" if CLAMP in results.policies else " These FMUs serve what is out of range and warn once."

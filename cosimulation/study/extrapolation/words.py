@@ -50,7 +50,7 @@ def span(results: Results, wbm: str, cause: Cause) -> str:
     fits = {at: worse_fit(results, wbm, cause, at) for at in outer}
     bad = [f"{at:g}{unit}: {fit:.0f} %" for at, fit in fits.items() if np.isfinite(fit)]
     if bad:
-        parts.append(f"Not usable beyond, FIT at {', '.join(bad)}.")
+        parts.append(f"Beyond, FIT at {', '.join(bad)}.")
     silent = [f"{at:g}{unit}" for at, fit in fits.items() if np.isnan(fit)]
     if silent:
         parts.append(f"The white-box model itself gave out at {', '.join(silent)}.")
@@ -60,7 +60,7 @@ def span(results: Results, wbm: str, cause: Cause) -> str:
 def growth(results: Results, wbm: str, cause: Cause) -> str:
     """Say how the error grows towards the ends."""
     parts = []
-    for at in dict.fromkeys((cause.values[0], cause.values[-1])):
+    for at in _ends(cause):
         names = results.networks(wbm)
         errors = [results.value(QUANTILE_MEASURE, wbm, name, cause, at) for name in names]
         inside = [results.value(QUANTILE_MEASURE, wbm, name, cause, cause.inside) for name in names]
@@ -90,7 +90,8 @@ def told(results: Results, wbm: str, cause: Cause) -> str:
     if not quiet:
         return "in_range is false for most of the time at every value outside."
     if len(quiet) == len(outer):
-        return f"in_range says next to nothing: false for {', '.join(quiet)} of the time."
+        most = max(shares.values())
+        return f"in_range says next to nothing: it is false for at most {most:.2g} % of the time."
     return f"in_range is false for most of the time, except at {', '.join(quiet)} of the time."
 
 
@@ -99,11 +100,16 @@ def clamped(results: Results, wbm: str, cause: Cause) -> str:
     if CLAMP not in results.policies:
         return "These FMUs have no choice of a policy."
     parts = []
-    for at in dict.fromkeys((cause.values[0], cause.values[-1])):
+    for at in _ends(cause):
         fits = [worse_fit(results, wbm, cause, at, policy) for policy in (WARN, CLAMP)]
         if np.isfinite(fits).all():
             parts.append(f"{at:g}{_unit(cause)}: FIT {fits[1]:.0f} % in place of {fits[0]:.0f} %")
     return "; ".join(parts) + "." if parts else "Nothing to compare with at the ends."
+
+
+def _ends(cause: Cause) -> tuple[float, ...]:
+    """Return the outermost values, without the one inside."""
+    return tuple(at for at in (cause.values[0], cause.values[-1]) if at != cause.inside)
 
 
 def _unit(cause: Cause) -> str:

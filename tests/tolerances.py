@@ -16,6 +16,7 @@ LINEARISED_REST = 1e-6  # N, m, m/s: a rest point by (I - A)^-1, seen through a 
 SPLINE_HEIGHT = 2e-6  # m, and of a cost: a minimum of a square is found to the root of a rounding
 HEIGHT_SCATTER = 0.12  # relative: a standard deviation from 400 draws scatters by 3.5 %
 FREQUENCY_SCATTER = 0.15  # relative: 400 draws scatter by 3.5 %, the formula leaves out terms of the damping
+SURFACE = 1e-6  # of the largest entry of a spectrum: one row at rest before the step leaves roundings
 STATIC_FORCE = 0.1  # N: the reference prints one decimal
 DRIFT = 0.001  # m: the reference prints three decimals
 SLOPE = 0.0006  # N/(N.m): the reference prints three decimals

@@ -21,7 +21,7 @@ from cosimulation.study.white_box.settings import BANDS, StaticSettings, StepSet
 from cosimulation.study.white_box.static import gain, lift, static_map
 from cosimulation.study.white_box.table_2_1 import STATISTICS
 from fmus.wbm import native, parameter_sets
-from tolerances import RESONANCE_DIGITS, STATIC_FORCE, WBM_STATIC_GAIN
+from tolerances import RESONANCE_DIGITS, STATIC_FORCE, SURFACE, WBM_STATIC_GAIN
 
 RANGE = (0.5, 2.5)
 QUICK = """
@@ -93,8 +93,11 @@ def test_the_fmu_has_the_resonances_of_the_reference_tables(fmu: OpenFmu, name: 
         assert np.abs(np.subtract(computed, expected)).max() < RESONANCE_DIGITS, (band, signal)
     bins = found.frequencies / (1.0 / 16.384)
     assert np.allclose(bins, np.arange(bins.size)) and found.frequencies[-1] <= 30.0
-    for surface in found.surfaces.values():
-        assert np.allclose(surface[:, 1:].max(axis=1), 1.0)
+    rest = native.equilibrium(parameter_sets()[name], (0.7, TORQUE))
+    stepped = native.simulate(parameter_sets()[name], np.tile((0.8, TORQUE), (16384, 1)), state=rest)
+    for signal, surface in found.surfaces.items():
+        exact = np.abs(np.fft.rfft(stepped[:, native.OUTPUTS.index(signal)]))[: bins.size]
+        assert np.abs(surface[2] - exact / exact[1:].max()).max() < SURFACE
 
 
 def test_away_from_the_thesis_is_the_difference_to_the_published_table(fmu: OpenFmu) -> None:
@@ -157,6 +160,23 @@ def test_a_jump_shows_in_the_ratio_of_steps() -> None:
     smooth = np.exp(1j * height**2)
     assert step_ratio(smooth) == pytest.approx(0.5, abs=0.02)
     assert step_ratio(smooth + (height > 0.6)) > 0.95
+
+
+def test_sets_without_a_peak_or_a_network_have_a_page_too(tmp_path: Path) -> None:
+    """Set B shows no f_M in xi_dot, F_H and F_p, and no network that ships was identified from it."""
+    settings = tmp_path / "b.toml"
+    text = QUICK.format(processes=1).split("[[limits]]")[0]
+    settings.write_text(text.replace('"Blow"', '"B"').replace("[3, 4]", "[3]").replace("[3.0, 8.0]", "[3.0]"))
+    result = run_study("white_box", tmp_path / "run", settings)
+    found = json.loads((result.folder / "findings.json").read_text(encoding="utf-8"))
+    empty = {
+        (one["band"], one["signal"])
+        for one in found
+        if one.get("measure") == "resonance" and not one["steps"]
+    }
+    assert empty == {(band, signal) for _, band, signal in reference.WITHOUT_PEAK}
+    away = [one["value"] for one in found if one.get("measure") == "away from Table 2.1"]
+    assert away.count(None) == 4 * len(empty)
 
 
 def test_one_process_and_two_find_the_same(results: tuple[StudyResult, StudyResult]) -> None:

@@ -39,6 +39,11 @@ def test_the_python_of_the_page_on_fmus_runs(tmp_path: Path) -> None:
     assert "contact force at rest: 69.7 N" in run(tmp_path, sys.executable, "-c", code)
 
 
+def test_the_python_of_the_page_on_the_white_box_model_runs(tmp_path: Path) -> None:
+    (code,) = blocks("docs/white_box.md", "python")
+    assert run(tmp_path, sys.executable, "-c", code).startswith("2.00 m, standard deviation 0.0")
+
+
 def test_the_command_lines_and_settings_of_the_documents_run(tmp_path: Path) -> None:
     (tmp_path / "generate.toml").write_text(blocks("docs/settings.md", "toml")[0], encoding="utf-8")
     (tmp_path / "identify.toml").write_text(blocks("docs/settings.md", "toml")[1], encoding="utf-8")

@@ -133,6 +133,11 @@ def test_the_static_map_is_that_of_the_native_model(fmu: OpenFmu, name: str) -> 
     assert np.allclose(found.from_line, np.abs(expected - chord).max(axis=1), atol=1e-3 * STATIC_FORCE)
 
 
+def test_a_grid_without_the_operating_point_is_refused() -> None:
+    with pytest.raises(ValueError, match="none is the operating point"):
+        StaticSettings(torques=4)
+
+
 def test_slope_and_lever_are_those_of_the_equations(fmu: OpenFmu) -> None:
     (point,) = linearised_over(fmu, "A", np.array([2.0]))
     model = native.linearise(parameter_sets()["A"], (2.0, TORQUE))

@@ -40,8 +40,8 @@ _MARGIN = 0.14
 
 def surfaces(wbm: str, found: StepResonances, table: ModeTable) -> Record:
     """Return the spectra of the step responses over the height, and the peaks found in them."""
-    reached = found.heights + (found.heights[1] - found.heights[0] if found.heights.size > 1 else 0.1)
-    half = 0.5 * (reached[-1] - reached[0]) / max(reached.size - 1, 1)
+    reached = found.heights + (found.heights[1] - found.heights[0])
+    half = 0.5 * (reached[1] - reached[0])
     with drawing_style():
         figure = new_figure(6.0)
         grid = figure.subplots(2, 2, sharex=True, sharey=True)

@@ -19,7 +19,7 @@ class StepSettings(Section):
 
     first: float = Field(0.5, description="height the first step starts from [m]")
     step: float = Field(0.1, gt=0, description="[m]")
-    count: int = Field(20, ge=1)
+    count: int = Field(20, ge=2)
     samples: int = Field(16384, ge=2)
 
 
@@ -29,6 +29,12 @@ class StaticSettings(Section):
     heights: int = Field(41, ge=3)
     torques: int = Field(13, ge=3)
     torque_span: float = Field(150.0, gt=0, description="to either side of the operating point [N.m]")
+
+    @model_validator(mode="after")
+    def _has_a_middle(self) -> StaticSettings:
+        if self.torques % 2 == 0:
+            raise ValueError(f"torques = {self.torques} is even, so that none is the operating point")
+        return self
 
 
 class Route(Section):
@@ -47,7 +53,7 @@ class HeightSettings(Section):
     count: int = Field(8, ge=1, description="records of every seed, one drawn in each of as many strata")
     durations: tuple[float, ...] = Field((2.0, 5.0, 10.0, 20.0, 42.0), min_length=1, description="[s]")
     noises: tuple[Noise, ...] = ("none", "1e-4 m, 1e-2 m/s")
-    routes: tuple[Route, ...] = Field(min_length=1)
+    routes: tuple[Route, ...] = Field(min_length=1, description="the last one is drawn over the height")
 
     @model_validator(mode="after")
     def _rises(self) -> HeightSettings:

@@ -30,7 +30,7 @@ class StaticMap:
 
     Attributes:
         heights: (heights,) [m].
-        torques: (torques,) [N.m].
+        torques: The operating point in the middle, (torques,) [N.m].
         force: F_p, (heights, torques) [N].
         critical: Torque at which F_p is zero, (heights,) [N.m].
     """
@@ -43,7 +43,7 @@ class StaticMap:
     @property
     def at_operating_point(self) -> Array:
         """F_p over the height at the operating point of the torque [N]."""
-        return self.force[:, int(np.argmin(np.abs(self.torques - TORQUE)))]
+        return np.asarray(self.force[:, self.torques.size // 2])
 
     @property
     def from_line(self) -> Array:
@@ -59,7 +59,7 @@ def static_map(fmu: OpenFmu, wbm: str, settings: StaticSettings, limits: tuple[f
     Args:
         fmu: The white-box FMU.
         wbm: White-box set.
-        settings: Of the grid; an odd number of torques has the operating point in the middle.
+        settings: Of the grid.
         limits: Lowest and highest height [m].
 
     Raises:

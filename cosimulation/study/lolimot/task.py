@@ -86,14 +86,12 @@ class Blend:
     """One state-space form of a network, simulated on test data.
 
     Attributes:
-        parameter_set: What was simulated.
         simulated: Its output, shape (rows,).
         heights: Where the blend is looked at, with `TORQUE`, shape (H,).
         radii: Largest |pole| of the blend held at each height, shape (H,).
         rest: Its output at rest at each height; NaN where there is none, shape (H,).
     """
 
-    parameter_set: ParameterSet
     simulated: Array
     heights: Array
     radii: Array
@@ -157,12 +155,16 @@ class _Case:
             return None
         heights = np.linspace(*RANGE, _HEIGHTS)
         A = np.array([model.A for model in built.local_models])
-        frozen = np.tensordot(validities(built, heights), A, 1)
-        radii = A if built.blending == "output" else frozen
-        largest = np.abs(np.linalg.eigvals(radii)).max(axis=-1)
-        if built.blending == "output":
-            largest = np.full(_HEIGHTS, largest.max())
-        return Blend(built, simulated, heights, largest, _rest(built, heights))
+        if built.blending == "parameter":
+            A = np.tensordot(validities(built, heights), A, 1)
+        radii = np.abs(np.linalg.eigvals(A)).max(axis=-1)
+        everywhere = np.full(_HEIGHTS, radii.max())  # outputs blended: every local model runs at every height
+        return Blend(
+            simulated,
+            heights,
+            radii if built.blending == "parameter" else everywhere,
+            _rest(built, heights),
+        )
 
     def _scores(self, network: ArxNetwork, runs: dict[str, Array]) -> list[Record]:
         found: list[Record] = []

@@ -135,7 +135,9 @@ def _inputs(settings: GenerateSettings, item: ExperimentSettings, index: int) ->
         drawn = operating_point_inputs(height, settings.seed, (index,), duration, chosen, item.name)
     else:
         limits = (item.low, item.high)
-        drawn = whole_range_inputs(settings.seed, (index,), duration, *limits, chosen, item.name)
+        drawn = whole_range_inputs(
+            settings.seed, (index,), duration, *limits, chosen, item.name, item.slew_rate
+        )
     names = (settings.signals.scheduling, *settings.signals.others)
     values = drawn.values[:, : len(names)]
     return DataSet(item.name, drawn.sample_time, names, _units(settings, names), values, drawn.header)

@@ -90,6 +90,12 @@ class ExperimentSettings(Section):
     height: float | None = Field(None, description="operating point of eta [m]; kind operating_point")
     low: float = Field(0.6, description="lowest height of a whole-range run, without noise [m]")
     high: float = Field(2.4, description="highest [m]")
+    slew_rate: float | None = Field(
+        None,
+        gt=0,
+        exclude_if=lambda value: value is None,  # what was written before the key came reads the same
+        description="speed at which a whole-range run goes up and down [m/s]; default: once in its duration",
+    )
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> ExperimentSettings:
@@ -100,6 +106,8 @@ class ExperimentSettings(Section):
             wrong.append("an experiment needs either a file or a duration")
         if not self.low < self.high:
             wrong.append(f"low {self.low:g} is not below high {self.high:g}")
+        if self.slew_rate is not None and (self.kind != "whole_range" or self.file is not None):
+            wrong.append("a slew_rate is of a whole_range experiment that is driven, not read from a file")
         if wrong:
             raise ValueError("; ".join(wrong))
         return self

@@ -143,12 +143,13 @@ def whole_range_inputs(
     high: float = 2.4,
     settings: ExcitationSettings = ACCEPTANCE,
     name: str = "",
+    slew_rate: float | None = None,
 ) -> DataSet:
     """Return the inputs of a whole-range (WR) data set (thesis 4.2.2, Figure 4.4).
 
     The height goes on one straight ramp from `low` to `high` in the first half and back in the second
     (0.03 m/s with the defaults): no steps, with clearance to the ends of the operating range; the noise rides
-    on it.
+    on it. With a slew rate it goes up and down at that speed for as long as the data last.
 
     Args:
         seed: Seed of the run.
@@ -158,14 +159,31 @@ def whole_range_inputs(
         high: Height in the middle [m].
         settings: Amplitudes and frequencies.
         name: Name of the data set.
+        slew_rate: Speed of the ramps without the noise [m/s]; default: one way up and one down.
 
     Returns:
         A data set with the columns eta [m] and M_pa [N.m].
+
+    Raises:
+        DataError: The slew rate is not positive and finite, or passes the range within a sample.
     """
     count = _samples(duration, settings)
-    phase = np.arange(count) / count
+    shape = {"low": low, "high": high}
+    phase: Array = np.arange(count) / count
+    if slew_rate is not None:
+        _refuse_slew_rate(slew_rate, high - low, settings.sample_time)
+        laps = np.arange(count) * (settings.sample_time * slew_rate / (2.0 * (high - low)))
+        phase = laps - np.floor(laps)
+        shape["slew_rate"] = slew_rate
     path = low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0))
-    return _inputs(path, seed, stream, settings, name or "WR", {"low": low, "high": high})
+    return _inputs(path, seed, stream, settings, name or "WR", shape)
+
+
+def _refuse_slew_rate(slew_rate: float, span: float, sample_time: float) -> None:
+    fastest = span / sample_time
+    if not 0.0 < slew_rate < fastest:
+        mend = f"Give more than 0 m/s and less than {fastest:g} m/s, the range of heights in one sample"
+        raise DataError.of("excitation", f"the slew rate {slew_rate!r} m/s", mend)
 
 
 def _samples(duration: float, settings: ExcitationSettings) -> int:

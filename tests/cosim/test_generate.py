@@ -64,6 +64,29 @@ def test_signals_are_mapped_by_name(foreign: tuple[Path, ParameterSet]) -> None:
     assert np.array_equal(found.column("zeta_dot"), expected[:, 3])
 
 
+def test_a_slew_rate_sets_the_speed_of_a_whole_range_run(foreign: tuple[Path, ParameterSet]) -> None:
+    whole = {"name": "wr", "kind": "whole_range", "split": "test", "duration": 10.0}
+    made = make_data(settings(foreign[0], experiments=[whole, {**whole, "name": "fast", "slew_rate": 0.15}]))
+    once, fast = (item.data.column("eta") for item in made.experiments)
+    assert abs(once[5000] - 2.4) < 0.01 and abs(fast[5000] - 1.35) < 0.01 and abs(fast[-1] - 2.1) < 0.01
+    written = made.origin["settings"]["experiments"]
+    assert "slew_rate" not in written[0] and written[1]["slew_rate"] == 0.15
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"slew_rate": -0.1}, "slew_rate"),
+        ({"kind": "operating_point", "height": 1.0, "slew_rate": 0.1}, "a slew_rate is of a whole_range"),
+        ({"duration": None, "file": "recorded.csv", "slew_rate": 0.1}, "not read from a file"),
+    ],
+)
+def test_a_slew_rate_where_it_means_nothing_is_refused(changes: dict[str, object], said: str) -> None:
+    whole = {"name": "wr", "kind": "whole_range", "split": "test", "duration": 10.0}
+    with pytest.raises(SettingsError, match=said):
+        parse_settings(GenerateSettings, {"experiments": [whole | changes]}, "test")
+
+
 def test_settling_finds_the_states_that_initialising_finds(foreign: tuple[Path, ParameterSet]) -> None:
     fmu, _ = foreign
     at_once = make_data(settings(fmu)).static_map

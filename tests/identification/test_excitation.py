@@ -95,6 +95,32 @@ def test_whole_range_goes_up_and_down_without_steps() -> None:
     assert eta.min() > 0.59 and eta.max() < 2.41
 
 
+@pytest.mark.parametrize("slew_rate", [0.02, 0.05, 0.37])
+def test_a_slew_rate_is_kept_all_the_way_and_turns_at_the_ends(slew_rate: float) -> None:
+    still = ExcitationSettings(noise_rms=0.0)
+    path = whole_range_inputs(3, (), 40.0, 0.7, 1.9, still, slew_rate=slew_rate).column("eta")
+    travelled = np.arange(len(path)) * still.sample_time * slew_rate
+    assert path[0] == 0.7 and path.min() >= 0.7 and path.max() <= 1.9
+    unfolded = np.arccos(np.cos(np.pi * travelled / 1.2)) / np.pi  # an independent triangle of period 2.4 m
+    assert np.allclose(path, 0.7 + 1.2 * unfolded, rtol=0.0, atol=1e-6)
+
+
+def test_the_noise_is_the_same_at_every_slew_rate() -> None:
+    still = ExcitationSettings(noise_rms=0.0)
+    first, second = (
+        whole_range_inputs(3, (2,), 10.0, slew_rate=rate).column("eta")
+        - whole_range_inputs(3, (2,), 10.0, settings=still, slew_rate=rate).column("eta")
+        for rate in (0.03, 0.2)
+    )
+    assert np.allclose(first, second, rtol=0.0, atol=1e-12) and np.std(first) > 1e-3
+
+
+def test_a_slew_rate_that_makes_no_sense_is_refused() -> None:
+    for wrong in (0.0, -0.1, float("nan"), float("inf"), 1800.0):
+        with pytest.raises(DataError, match="slew rate"):
+            whole_range_inputs(3, duration=1.0, slew_rate=wrong)
+
+
 def test_same_seed_same_bits_other_seed_or_stream_independent() -> None:
     first = operating_point_inputs(1.0, 3, (0, 1), 10.0)
     again = operating_point_inputs(1.0, 3, (0, 1), 10.0)

@@ -265,7 +265,8 @@ def study(
     name: Annotated[
         str,
         typer.Argument(
-            help="order, blending, surrogate, shipped, contact or extrapolation.", show_default=False
+            help="order, blending, surrogate, shipped, white_box, lolimot, compare, contact or extrapolation.",
+            show_default=False,
         ),
     ],
     settings: Annotated[

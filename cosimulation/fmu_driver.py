@@ -188,6 +188,7 @@ class FmuInstance:
         start_values: Mapping[str, StartValue] | None = None,
         progress: Callable[[int], None] | None = None,
         flags: Sequence[str] = (),
+        rows_at_once: int = ROWS_AT_ONCE,
     ) -> FloatArray:
         """Initialise at the first row of `inputs` and co-simulate all rows.
 
@@ -199,6 +200,7 @@ class FmuInstance:
             start_values: Start values of variables that `inputs` do not drive.
             progress: Called now and then with the number of rows done since the last call.
             flags: Boolean variables to read beside the outputs; they stand in `flags` afterwards.
+            rows_at_once: Rows per call into C; between the calls progress and Ctrl-C have their turn.
 
         Returns:
             [N, len(output_names)] by the row rule of this module.
@@ -214,7 +216,13 @@ class FmuInstance:
         first = dict(zip(input_names, inputs[0].tolist(), strict=True))
         self.initialise({**(start_values or {}), **first})
         return self._loop(
-            np.ascontiguousarray(inputs), input_names, output_names, sample_time, progress, flags
+            np.ascontiguousarray(inputs),
+            input_names,
+            output_names,
+            sample_time,
+            progress,
+            flags,
+            rows_at_once,
         )
 
     def _refuse_driven(self, input_names: Sequence[str], start_values: Mapping[str, StartValue]) -> None:
@@ -236,8 +244,9 @@ class FmuInstance:
         sample_time: float,
         progress: Callable[[int], None] | None,
         flags: Sequence[str],
+        rows_at_once: int,
     ) -> FloatArray:
-        """Step through all rows in C, some hundred at a time, so that progress and Ctrl-C have their turn."""
+        """Step through all rows in C, `rows_at_once` of them per call."""
         rows = len(inputs)
         outputs = np.empty((rows, len(output_names)))
         references = [self._reference_array(names) for names in (input_names, output_names, flags)]
@@ -251,8 +260,8 @@ class FmuInstance:
             sample_time,
         )
         reached = ctypes.c_longlong()
-        for first in range(0, rows, ROWS_AT_ONCE):
-            count = min(ROWS_AT_ONCE, rows - first)
+        for first in range(0, rows, rows_at_once):
+            count = min(rows_at_once, rows - first)
             status = _drive_rows()(ctypes.byref(drive), first, count, ctypes.byref(reached))
             self._checked(status, f"stepping at t = {reached.value * sample_time:.6g} s")
             if progress:

@@ -118,3 +118,5 @@ NOISE_QUANTILE = (
 ARX_RECOVERY = 1e-9  # relative: noise-free least squares, condition number of some thousands
 LEAST_SQUARES = 1e-12  # relative: two orthogonal solutions of a well-conditioned problem
 SAME_FREE_RUN = 1e-4  # percentage points: poles near 1 magnify the rounding of sums of lags
+FMPY_LOOP = 1e-9  # of an output's span: fmpy interpolates inputs between the rows it stands on, to rounding
+RECOMPUTED_FIT = 1e-9  # percentage points: the same outputs, norms summed in another order

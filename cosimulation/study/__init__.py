@@ -7,7 +7,17 @@ from pathlib import Path
 from cosimulation.progress import SILENT, Reporter
 from cosimulation.study.runner import StudyResult
 
-STUDIES = ("order", "blending", "surrogate", "shipped", "lolimot", "white_box", "contact", "extrapolation")
+STUDIES = (
+    "order",
+    "blending",
+    "surrogate",
+    "shipped",
+    "white_box",
+    "lolimot",
+    "compare",
+    "contact",
+    "extrapolation",
+)
 
 
 def run_study(

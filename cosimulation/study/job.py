@@ -13,6 +13,7 @@ from cosimulation.scoring import marked_recommended
 from cosimulation.settings import load_settings, load_shipped_settings, settings_line
 from cosimulation.study import (
     blending,
+    compare,
     contact,
     extrapolation,
     lolimot,
@@ -42,10 +43,12 @@ class Study:
         settings: The class of its settings.
         tasks: Settings and white-box FMU to independent tasks.
         run: Task to records: score records, and findings, whose first key says what they are; one that
-            begins with `cpu` is a timing, with `measure` what limits may be set on.
+            begins with `cpu` is a timing, with `measure` what limits may be set on; a timing that holds a
+            `measure`, too, is both.
         sections: Score records and findings to the sections of its page.
         recommend: Whether configurations compete, so that one is recommended by validation data.
         lines: Findings to lines that the command prints before the limits.
+        pages: Like `sections`, for pages of their own beside it, by white-box set: report_SET.html.
     """
 
     settings: type[StudySettings]
@@ -54,6 +57,7 @@ class Study:
     sections: Callable[[Any, Records, Records], list[Section]]
     recommend: bool
     lines: Callable[[Any, Records], list[str]] = lambda _settings, _findings: []
+    pages: Callable[[Any, Records, Records], dict[str, list[Section]]] = lambda *_: {}
 
 
 STUDIES = {
@@ -83,6 +87,9 @@ STUDIES = {
         extrapolation.sections,
         False,
         extrapolation.lines,
+    ),
+    "compare": Study(
+        compare.CompareSettings, compare.tasks, compare.run_task, compare.overview, False, pages=compare.pages
     ),
 }
 _FINDINGS = (
@@ -118,17 +125,19 @@ def run(
         ]
         if study.recommend:
             scores = _with_recommendations(scores)
-        measures = [item for item in findings if "measure" in item]
+        shown = [*findings, *(item for item in timings if "measure" in item)]
+        measures = [item for item in shown if "measure" in item]
         verdicts = [judge(limit, scores, measures) for limit in settings.limits]
         text = settings.model_dump_json(indent=1)
-        page = render(
-            settings.title,
-            f"{plural(len(settings.seeds), 'seed')}, white-box sets {', '.join(settings.sets)}",
-            verdicts,
-            study.sections(settings, scores, findings),
-            text,
-        )
+        lead = f"{plural(len(settings.seeds), 'seed')}, white-box sets {', '.join(settings.sets)}"
+        sections = study.sections(settings, scores, shown)
+        page = render(settings.title, lead, verdicts, sections, text)
         write_text(folder / "report.html", page)
+        for wbm, own in study.pages(settings, scores, shown).items():
+            mine = [one for one in verdicts if one.limit.where.get("wbm", wbm) == wbm]
+            title = f"{settings.title}: white-box set {wbm}"
+            page = render(title, plural(len(settings.seeds), "seed"), mine, own, text)
+            write_text(folder / f"report_{wbm}.html", page)
         write_text(folder / "scores.json", as_json(scores))
         write_text(folder / "timings.json", as_json(timings))
         if findings:

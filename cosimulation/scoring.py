@@ -32,7 +32,7 @@ class ScoredRun:
 
     Attributes:
         experiment: The reference.
-        outputs: What the FMU gave after the candidate's correction, [N, len(SIGNALS)].
+        outputs: What the FMU gave after the candidate's correction, [N, those of SIGNALS that it has].
         records: One score record per signal.
         seconds: Wall time of the co-simulation.
         out_of_range: Share of the time out of the trained range, as the FMU tells it; None: it does not.
@@ -56,7 +56,8 @@ def run_candidate(
     """
     with open_fmu(fmu_path) as fmu:
         run = co_simulate(fmu, experiment.data, advance=advance)
-    order = [run.signals.index(name) for name in SIGNALS]
+    signals = tuple(name for name in SIGNALS if name in run.signals)
+    order = [run.signals.index(name) for name in signals]
     outputs, reference = run.outputs[:, order], run.reference[:, order]
     if candidate.offset_subtracted:
         outputs = outputs - (outputs - reference).mean(axis=0)
@@ -68,7 +69,7 @@ def run_candidate(
         "seed": seed,
         "recommended": False,
     }
-    scores = tuple(records(reference, outputs, SIGNALS, labels))
+    scores = tuple(records(reference, outputs, signals, labels))
     return ScoredRun(experiment, outputs, scores, run.seconds, run.out_of_range)
 
 

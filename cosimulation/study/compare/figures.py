@@ -15,15 +15,24 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from cosimulation.report import thesis
 from cosimulation.report.figures.drawing import INK, MUTED, PALETTE, drawing_style, inline_svg, new_figure
-from cosimulation.study.compare.members import LINEAR, LOW_PASS, OUTPUT, PARAMETER, SURROGATE, in_thesis
+from cosimulation.study.compare.members import (
+    LINEAR,
+    LOLIMOT,
+    LOW_PASS,
+    OUTPUT,
+    PARAMETER,
+    SURROGATE,
+    in_thesis,
+)
 from cosimulation.study.page import Drawing
 
 COLOURS = {
     LINEAR: PALETTE[3], SURROGATE: PALETTE[2], OUTPUT: PALETTE[1], PARAMETER: PALETTE[0], LOW_PASS: "#6b6b6b",
+    LOLIMOT: PALETTE[4],
 }  # fmt: skip
 DASHES: Mapping[str, Any] = {
     LINEAR: (0, (1, 1.2)), SURROGATE: (0, (5, 1.5, 1, 1.5)), OUTPUT: (0, (4, 1.5)), PARAMETER: "solid",
-    LOW_PASS: (0, (7, 1.5)),
+    LOW_PASS: (0, (7, 1.5)), LOLIMOT: (0, (2, 1)),
 }  # fmt: skip
 FAMILIES = {
     LINEAR: "white-box model linearised at one height, mean error subtracted",
@@ -31,6 +40,7 @@ FAMILIES = {
     OUTPUT: "n4sid, 4 LLM, output blending",
     PARAMETER: "n4sid, 4 LLM, parameter blending",
     LOW_PASS: "n4sid in the thesis's configuration: low-pass, look-up table, output blending",
+    LOLIMOT: "LOLIMOT on the pan-head's height, 4 LLM",
 }
 PUBLISHED = {
     "M21": thesis.SURROGATE.fits["F_p"],

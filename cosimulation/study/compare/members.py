@@ -18,23 +18,19 @@ from cosimulation.candidates import (
 )
 from cosimulation.data_folder import DataFolder
 from cosimulation.fmu_file import open_fmu
-from cosimulation.pantograph import DESCRIPTIONS
+from cosimulation.pantograph import DESCRIPTIONS, INPUTS
 from cosimulation.settings import GenerateSettings
 from cosimulation.study.surrogate.physics import head_of
 from fmu_builder.compiler import host_platform
 from fmu_builder.llmn_fmu import build_llmn
 from identification import n4sid, surrogate
+from identification.lolimot import lolimot_parameter_set
 from identification.network import NetworkSettings
 
-LINEAR, SURROGATE, OUTPUT, PARAMETER, LOW_PASS = (
-    "linear",
-    "surrogate",
-    "n4sid_output",
-    "n4sid",
-    "n4sid_thesis",
-)
+LINEAR, SURROGATE, OUTPUT, PARAMETER = "linear", "surrogate", "n4sid_output", "n4sid"
+LOW_PASS, LOLIMOT = "n4sid_thesis", "lolimot"
 """Families of models: the first part of the model identifier of their FMUs."""
-NUMBERS = {LINEAR: "M1", SURROGATE: "M2", OUTPUT: "M3", PARAMETER: "M4", LOW_PASS: "T3"}
+NUMBERS = {LINEAR: "M1", SURROGATE: "M2", OUTPUT: "M3", PARAMETER: "M4", LOW_PASS: "T3", LOLIMOT: "L1"}
 """Family -> what the labels of its models begin with; a digit follows: the draw, or the height."""
 ONE_SURROGATE, ONE_N4SID = "1 LLM surrogate", "1 LLM n4sid"
 
@@ -45,9 +41,8 @@ class Member:
 
     Attributes:
         label: The thesis's number, M11 to M41; more draws go on from there (M42, M43). T31 is M31 with the
-            thesis's low-pass and look-up table.
-        family: `LINEAR`, `SURROGATE`, `OUTPUT`, `PARAMETER`, `LOW_PASS`, or the label of a network with one
-            local model.
+            thesis's low-pass and look-up table; L11 is LOLIMOT, its first attempt, on xi.
+        family: A key of `NUMBERS`, or the label of a network with one local model.
         seed: Of its training data.
         candidate: The model; the route of its score records is the label.
         path: Its FMU.
@@ -94,9 +89,27 @@ def members_of_draws(
                 if family != LOW_PASS or seed == first:
                     model = models[identifier(family, wbm)]
                     found.append((f"{NUMBERS[family]}{index + 1}", family, seed, model))
+    found.append((f"{NUMBERS[LOLIMOT]}1", LOLIMOT, first, _lolimot(wbm, draws[first][0])))
     return [
         _built(wbm, *one, folder) for one in sorted(found, key=lambda one: (not in_thesis(one[0]), one[0]))
     ]
+
+
+def _lolimot(wbm: str, data: DataFolder) -> Candidate:
+    """Return LOLIMOT's network of xi: F_p follows from xi and the height, no other signal does."""
+    training = [item.data for item in data.select("whole_range", "train")]
+    _, contact_force = head_forces(wbm)
+    found = lolimot_parameter_set(identifier(LOLIMOT, wbm), training, INPUTS, "xi", None, [contact_force])
+    labels = {
+        "wbm": wbm,
+        "model": found.kind,
+        "llms": len(found.local_models),
+        "blending": found.blending,
+        "offsets": found.offsets.kind,
+        "validity": found.partition.validity,
+        "order": found.state_count,
+    }
+    return Candidate("LOLIMOT on xi", found, labels)
 
 
 def one_local_model(

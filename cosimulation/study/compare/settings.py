@@ -28,7 +28,7 @@ class CompareSettings(StudySettings):
     )
     linearised_at: tuple[float, ...] = Field((1.25, 1.5, 1.75), description="M11, M12, ... [m]")
     operating_point: float = Field(1.75, description="of the networks with one local model [m]")
-    timing_repeats: int = Field(5, ge=1, description="the fastest batch call of so many counts")
+    timing_repeats: int = Field(20, ge=1, description="the fastest batch call of so many counts")
     loop_repeats: int = Field(2, ge=1, description="the fastest of fmpy's own loops")
 
     @model_validator(mode="after")

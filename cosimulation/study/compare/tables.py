@@ -18,8 +18,15 @@ from cosimulation.study.page import TextTable
 _VALIDATION, _TRAINING = "wr_validation", "wr_train"
 _SHORT = {
     "M1": "linearised", "M2": "surrogate", "M3": "n4sid, OB", "M4": "n4sid, PB", "T3": "n4sid, OB, LPF, LUT",
+    "L1": "LOLIMOT",
 }  # fmt: skip
-_TIMED_IN_THESIS = {WHITE_BOX: "white_box", "M21": "surrogate", "M31": "n4sid", "T31": "n4sid"}
+_TIMED_IN_THESIS = {
+    WHITE_BOX: "white_box",
+    "M21": "surrogate",
+    "M31": "n4sid",
+    "T31": "n4sid",
+    "L11": "lolimot",
+}
 _BLENDINGS = "OB and PB: output and parameter blending"
 
 
@@ -38,7 +45,10 @@ def published(label: str) -> Cell:
     return Cell(number(PUBLISHED[label]) if label in PUBLISHED else "")
 
 
-def _below(value: float) -> str:
+def _below(value: float | None) -> str:
+    """Return a figure of the thesis to stand below ours, nothing where it has none."""
+    if value is None:
+        return ""
     return f"thesis\N{NO-BREAK SPACE}{value:g}".replace("-", "\N{MINUS SIGN}")
 
 

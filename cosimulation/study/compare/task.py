@@ -25,7 +25,7 @@ BATCH, LOOP = "real-time factor, one batch call", "real-time factor, fmpy's loop
 WHITE_BOX = "WBM"
 SHOWN = ("M11", "M21", "M31", "M41")
 """The thesis's "previously examined" models: timed, drawn, and scored on their own training data."""
-_ALSO_TIMED = ("T31",)
+_ALSO_TIMED = ("L11", "T31")
 
 
 @dataclass(frozen=True)

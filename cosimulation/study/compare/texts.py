@@ -32,13 +32,13 @@ def boxes(settings: CompareSettings) -> str:
         "automatically, so that there are M42, M43 and so on. The thesis's networks get their offsets by a "
         "low-pass and a look-up table; here they count from the equilibrium at the present height, and T31 "
         "is M31 in the thesis's way. And the white-box model is another one: the thesis's own was not at "
-        "hand."
+        "hand. L11 is LOLIMOT, the thesis's first attempt, on xi: it has one output, from which F_p follows."
     )
 
 
 TIMES = (
     "Wall time over the time that was simulated. All are FMUs, run in turn in one process; the fastest run "
-    "of each counts. The first columns: one call into a loop in C that sets both inputs, reads six outputs "
+    "of each counts. The first columns: one call into a loop in C that sets both inputs, reads all outputs "
     "and does a step for every row of 1 ms, initialisation included. Beside it fmpy's own loop "
     "(simulate_fmu) over the same rows, which is Python: there the program around the FMU takes nearly all "
     "of the time. The thesis's figures are those of its computer and programs; its n4sid network blends "

@@ -40,7 +40,7 @@ def batch_call(fmu: OpenFmu, data: DataSet, start: Start) -> FloatArray:
     """Return what an FMU gives for a record: one call into the driver's C loop over all its rows."""
     with running_fmu(fmu, "batch") as instance:
         return instance.run(
-            data.matrix(INPUTS), INPUTS, SIGNALS, data.sample_time, start, rows_at_once=len(data)
+            data.matrix(INPUTS), INPUTS, _outputs(fmu), data.sample_time, start, rows_at_once=len(data)
         )
 
 
@@ -62,10 +62,16 @@ def own_loop(fmu: OpenFmu, data: DataSet, start: Start) -> FloatArray:
         output_interval=data.sample_time,
         start_values=typed | first,
         input=table,
-        output=list(SIGNALS),
+        output=_outputs(fmu),
         logger=_silent,
     )
-    return np.column_stack([result[name] for name in SIGNALS])
+    return np.column_stack([result[name] for name in _outputs(fmu)])
+
+
+def _outputs(fmu: OpenFmu) -> list[str]:
+    """Return the pantograph's signals that an FMU has."""
+    known = {item.name for item in fmu.description.modelVariables}
+    return [name for name in SIGNALS if name in known]
 
 
 def _silent(*_: object) -> None:

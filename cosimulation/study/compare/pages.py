@@ -52,6 +52,12 @@ def pages(settings: CompareSettings, scores: Records, findings: Records) -> dict
         results = results_of(wbm, settings, scores, findings)
         found[wbm] = [
             _comparison(results),
+            Section(
+                "Figure 4.35: every signal",
+                "",
+                [tables.every_signal(results)],
+                text_tables=[tables.test_signals(settings)],
+            ),
             Section("Table 4.4: real-time factors", texts.TIMES, text_tables=[tables.real_time(results)]),
             Section(
                 "Table 4.5: all signals", texts.all_signals(settings), text_tables=[tables.signals(results)]
@@ -68,6 +74,7 @@ def pages(settings: CompareSettings, scores: Records, findings: Records) -> dict
                 figures=_drawn(results, POLES),
                 text_tables=[tables.modes(results)],
             ),
+            Section("What differs from the thesis", texts.DIFFERENCES),
         ]
     return found
 
@@ -79,11 +86,7 @@ def _comparison(results: SetResults) -> Section:
         "Figure 4.35: all models, all realisations",
         texts.boxes(results.settings),
         figures=[figure],
-        text_tables=[
-            tables.quartiles(results),
-            tables.every_signal(results),
-            tables.test_signals(results.settings),
-        ],
+        text_tables=[tables.quartiles(results)],
     )
 
 

@@ -13,7 +13,8 @@ from cosimulation.study.compare.members import LINEAR, ONE_N4SID, ONE_SURROGATE,
 from cosimulation.study.compare.results import SetResults, family_of
 from cosimulation.study.compare.settings import CompareSettings
 from cosimulation.study.compare.task import BATCH, LOOP, RELATIVE_ERROR, WHITE_BOX
-from cosimulation.study.page import TextTable
+from cosimulation.study.page import Row as FitRow
+from cosimulation.study.page import Table, TextTable
 
 _VALIDATION, _TRAINING = "wr_validation", "wr_train"
 _SHORT = {
@@ -45,11 +46,9 @@ def published(label: str) -> Cell:
     return Cell(number(PUBLISHED[label]) if label in PUBLISHED else "")
 
 
-def _below(value: float | None) -> str:
+def _below(figure: str) -> str:
     """Return a figure of the thesis to stand below ours, nothing where it has none."""
-    if value is None:
-        return ""
-    return f"thesis\N{NO-BREAK SPACE}{value:g}".replace("-", "\N{MINUS SIGN}")
+    return f"thesis\N{NO-BREAK SPACE}{figure}" if figure else ""
 
 
 def quartiles(results: SetResults) -> TextTable:
@@ -70,13 +69,13 @@ def quartiles(results: SetResults) -> TextTable:
     return TextTable(caption, "model", columns, rows)
 
 
-def every_signal(results: SetResults) -> TextTable:
+def every_signal(results: SetResults) -> Table:
     """Return the FIT of every model on every test signal."""
-    return TextTable(
+    return Table(
         "FIT of F_p of every test signal [%], by the speed of the wire [m/s].",
         "model",
         [f"{rate:g}" for rate in results.settings.slew_rates],
-        [Row(box.label, tuple(map(fit_cell, box.fits))) for box in results.boxes()],
+        [FitRow(box.label, [(fit, None) for fit in box.fits]) for box in results.boxes()],
     )
 
 
@@ -105,7 +104,8 @@ def real_time(results: SetResults) -> TextTable:
         cells = []
         for index, record in enumerate(records):
             factor = results.measured(BATCH, label, record)
-            small = _below(theirs[index]) if theirs else ""
+            known = theirs[index] if theirs else None
+            small = _below("" if known is None else f"{known:g}")
             cells.append(Cell(significant(factor, 3), repr(factor), small=small))
         loop = results.measured(LOOP, label, _VALIDATION)
         speed = reference / results.measured(BATCH, label, _VALIDATION)
@@ -140,7 +140,7 @@ def signals(results: SetResults) -> TextTable:
         cells = []
         for signal in SIGNALS:
             ours = fit_cell(results.fit(label, record, signal))
-            cells.append(Cell(ours.text, ours.value, ours.colour, _below(theirs.fits[signal])))
+            cells.append(Cell(ours.text, ours.value, ours.colour, _below(number(theirs.fits[signal]))))
         rows.append(Row(title, tuple(cells)))
     caption = f"FIT [%]. WR: whole range; {_BLENDINGS}; T: training, V: validation data."
     return TextTable(caption, "model, data", SIGNALS, rows)

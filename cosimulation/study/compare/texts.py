@@ -9,7 +9,7 @@ from cosimulation.study.limits import plural
 
 
 def boxes(settings: CompareSettings) -> str:
-    """Return what Figure 4.35 shows, and where our models differ from the thesis's."""
+    """Return what Figure 4.35 shows."""
     signals = settings.signals()
     span = signals[0].high - signals[0].low
     slow, fast = min(settings.slew_rates), max(settings.slew_rates)
@@ -26,13 +26,7 @@ def boxes(settings: CompareSettings) -> str:
         "error of every signal subtracted after the simulation, as the thesis does; M2 surrogates, M3 n4sid "
         "networks with output blending, M4 with parameter blending, all of four local models; the last digit "
         f"is the draw of training data ({plural(len(settings.seeds), 'draw')}). "
-        "Four things differ. The thesis starts M22 and M23 from the parameters of M21; here the search of "
-        "every surrogate starts from a closed form, without random numbers, so each is identified afresh. "
-        "The thesis adapted the matrices of M31 by hand to blend them in M41; here they are aligned "
-        "automatically, so that there are M42, M43 and so on. The thesis's networks get their offsets by a "
-        "low-pass and a look-up table; here they count from the equilibrium at the present height, and T31 "
-        "is M31 in the thesis's way. And the white-box model is another one: the thesis's own was not at "
-        "hand. L11 is LOLIMOT, the thesis's first attempt, on xi: it has one output, from which F_p follows."
+        "L11 is LOLIMOT, the thesis's first attempt, on xi: it has one output, from which F_p follows."
     )
 
 
@@ -69,4 +63,12 @@ FORCE = (
 POLES = (
     "The local models' poles, and below as numbers: frequency [Hz], damping ratio. In the thesis the "
     "surrogate had two real poles in place of a pair (Remark 4.7.1)."
+)
+DIFFERENCES = (
+    "The white-box model is another one; the thesis's own was not at hand. The thesis does not say how fast "
+    "its test signals move. It starts M22 and M23 from the parameters of M21; here the search of every "
+    "surrogate starts from a closed form, without random numbers, so each is identified afresh. It adapted "
+    "the matrices of M31 by hand to blend them in M41; here they are aligned automatically, so that there "
+    "are M42, M43 and so on. Its networks get their offsets by a low-pass and a look-up table; here they "
+    "count from the equilibrium at the present height, and T31 is M31 in the thesis's way."
 )

@@ -265,7 +265,7 @@ def study(
     name: Annotated[
         str,
         typer.Argument(
-            help="order, blending, surrogate, shipped, white_box, lolimot, compare, contact or extrapolation.",
+            help="order, blending, surrogate, shipped, white_box, lolimot, compare, contact, extrapolation.",
             show_default=False,
         ),
     ],

@@ -64,6 +64,24 @@ class Results:
         found = self._measures[measure, wbm, network, situation.name(contact)]
         return _median([np.nan if item[field] is None else item[field] for item in found])
 
+    def worst_fit(self, wbm: str, situation: Situation, contact: str, signal: str = "F_p") -> float:
+        """Return the smallest FIT of a signal over networks and seeds [%], NaN where there is none."""
+        fits = [
+            fit
+            for name in self.networks(wbm)
+            for fit in self._fits[wbm, model_of(name), situation.name(contact), signal]
+        ]
+        return min(fits, default=float("nan"))
+
+    def largest(self, measure: str, wbm: str, situation: Situation, contact: str) -> float:
+        """Return the largest value of a measure over networks and seeds, NaN where there is none."""
+        values = [
+            np.inf if item["value"] is None else float(item["value"])
+            for name in self.networks(wbm)
+            for item in self._measures[measure, wbm, name, situation.name(contact)]
+        ]
+        return max(values, default=float("nan"))
+
     def frictions(self, amplitude: float) -> list[Situation]:
         """Return the situations with friction, in the order of the settings."""
         return [Situation("friction", case.name, case.coulomb, amplitude) for case in self.settings.frictions]

@@ -49,8 +49,9 @@ def sections(
     results = Results(settings, scores, findings)
     raised, dropped = (f"wire {word} by {1e3 * settings.jump:g} mm" for word in ("raised", "dropped"))
     said = TextTable(
-        "What the figures below say; a network is called usable where its contact force has a FIT of "
-        f"{settings.usable_fit:g} % or more.",
+        "What the figures below say. The worst network and draw count: usable is where the contact force "
+        f"has a FIT of {settings.usable_fit:g} % or more with both networks in every draw. Of the twin the "
+        "median.",
         "question",
         [f"white-box set {wbm}" for wbm in settings.sets],
         [

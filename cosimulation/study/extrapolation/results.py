@@ -52,6 +52,12 @@ class Results:
         """Return the median FIT of F_p [%], NaN where there is none."""
         return _median(self._fits[wbm, model_of(network), situation(cause.name, at, policy), "F_p"])
 
+    def worst_fit(self, wbm: str, cause: Cause, at: float, policy: str = WARN) -> float:
+        """Return the smallest FIT of F_p over networks and seeds [%], NaN where there is none."""
+        name = situation(cause.name, at, policy)
+        fits = [self._fits[wbm, model_of(network), name, "F_p"] for network in self.networks(wbm)]
+        return min((min(one) for one in fits if one), default=float("nan"))
+
     def value(
         self, measure: str, wbm: str, network: str, cause: Cause, at: float, policy: str = WARN
     ) -> float:

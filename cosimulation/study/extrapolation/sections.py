@@ -69,8 +69,8 @@ def sections(
         for question, answer in questions:
             rows.append(TextRow(question, tuple(Cell(answer(results, wbm, cause)) for wbm in settings.sets)))
     caption = (
-        "What the figures below say; usable: the worse network of the set has a FIT of "
-        f"{settings.usable_fit:g} % or more in F_p there and everywhere between there and the value inside."
+        "What the figures below say; FIT of the worst network and draw. Usable: that is "
+        f"{settings.usable_fit:g} % or more there and everywhere between there and the value inside."
     )
     said = TextTable(caption, "", [f"white-box set {wbm}" for wbm in settings.sets], rows, prose=True)
     without = "" if CLAMP in results.policies else " These FMUs serve what is out of range and warn once."

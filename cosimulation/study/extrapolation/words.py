@@ -13,19 +13,13 @@ MOSTLY = 50.0
 """A record that is out of range for this share of the time counts as told [%]."""
 
 
-def worse_fit(results: Results, wbm: str, cause: Cause, at: float, policy: str = WARN) -> float:
-    """Return the FIT of F_p of the worse network [%]; NaN where the white-box model gave out."""
-    fits = [results.fit(wbm, name, cause, at, policy) for name in results.networks(wbm)]
-    return float(np.min(fits))
-
-
 def usable(results: Results, wbm: str, cause: Cause) -> tuple[float, float] | None:
-    """Return the values around `inside` between which both networks are usable, None if not even there."""
+    """Return the ends of the values around `inside` where all networks and draws are usable, or None."""
     values = list(cause.values)
     start = values.index(cause.inside)
 
     def good(index: int) -> bool:
-        return worse_fit(results, wbm, cause, values[index]) >= results.settings.usable_fit
+        return results.worst_fit(wbm, cause, values[index]) >= results.settings.usable_fit
 
     if not good(start):
         return None
@@ -47,7 +41,7 @@ def span(results: Results, wbm: str, cause: Cause) -> str:
     trained = f", trained {known[0]:.4g} to {known[1]:.4g}{unit}" if known else ""
     parts = [f"Usable from {found[0]:g} to {found[1]:g}{unit}{trained}."]
     outer = [at for at in cause.values if not found[0] <= at <= found[1]]
-    fits = {at: worse_fit(results, wbm, cause, at) for at in outer}
+    fits = {at: results.worst_fit(wbm, cause, at) for at in outer}
     bad = [f"{at:g}{unit}: {fit:.0f} %" for at, fit in fits.items() if np.isfinite(fit)]
     if bad:
         parts.append(f"Beyond, FIT at {', '.join(bad)}.")
@@ -101,7 +95,7 @@ def clamped(results: Results, wbm: str, cause: Cause) -> str:
         return "These FMUs have no choice of a policy."
     parts = []
     for at in _ends(cause):
-        fits = [worse_fit(results, wbm, cause, at, policy) for policy in (WARN, CLAMP)]
+        fits = [results.worst_fit(wbm, cause, at, policy) for policy in (WARN, CLAMP)]
         if np.isfinite(fits).all():
             parts.append(f"{at:g}{_unit(cause)}: FIT {fits[1]:.0f} % in place of {fits[0]:.0f} %")
     return "; ".join(parts) + "." if parts else "Nothing to compare with at the ends."

@@ -203,13 +203,11 @@ def test_clamp_is_run_where_the_fmu_offers_it() -> None:
 
 
 def test_the_page_shows_both_policies_where_both_were_run(small: Small) -> None:
-    findings = [*small.findings, *({**item, "policy": "clamp"} for item in small.findings)]
-    scores = [
-        *small.scores,
-        *(
-            {**item, "data_set": item["data_set"].replace("warn", "clamp"), "fit": 12.0}
-            for item in small.scores
-        ),
+    findings = [item for item in small.findings if item["policy"] == "warn"]
+    scores = [item for item in small.scores if item["data_set"].endswith("warn")]
+    findings += [{**item, "policy": "clamp"} for item in findings]
+    scores += [
+        {**item, "data_set": item["data_set"].replace("warn", "clamp"), "fit": 12.0} for item in scores
     ]
     cause = small.settings.cause("height")
     both = Results(small.settings, scores, findings)

@@ -98,8 +98,8 @@ _ABOUT = (
 )
 _FRICTION = (
     "The network has no state for friction: it answers as if there were none. While the wire moves slowly "
-    "it is off by T_c / z_1, half the hysteresis. While it moves fast friction also brakes the resonances, "
-    "which the network then shows too large: the error is several times that."
+    "it is off by T_c / z_1, half the hysteresis. While it moves fast friction also changes the resonances, "
+    "and the error is a multiple of that; the tables tell which."
 )
 _LIFT_OFF = (
     "With the parameter unilateral on, min(eta, xi) takes the place of eta in the network, in force, "
@@ -110,8 +110,8 @@ _LIFT_OFF = (
     "says so."
 )
 _BOTH = (
-    "Friction damps the bounces, so that the white-box model can predict itself (twin). What is missing in "
-    "the network is the friction, not the contact."
+    "Where the twin is near 100 % the motion can be predicted; what a network misses then is beside its own "
+    "errors the friction it does not know."
 )
 
 

@@ -46,7 +46,10 @@ _FLAGS = (
 )
 _LINUX = ("-fPIC", "-Wl,--hash-style=gnu")  # no second table of names: no loader needs both
 _WINDOWS = ("-lkernel32",)
-_MACOS = ("-fPIC", "-Wl,-undefined,dynamic_lookup", "-Wl,-install_name,@rpath/{output}")
+_MACOS = (
+    *("-fPIC", "-Wl,-undefined,dynamic_lookup", "-Wl,-install_name,@rpath/{output}"),
+    "-Wl,-x",  # no names of static functions: -s leaves them there
+)
 _INCLUDE_LINE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 _SHOWN_LINES = 12
 _INTEL = ("x86_64", "amd64", "x86", "i386", "i486", "i586", "i686")

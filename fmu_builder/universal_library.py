@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 from fmu_builder.errors import BuildError
 
-ALIGNMENT = 14
-"""Slices begin at multiples of 2 to this power: pages of Apple's own processors have 16 KiB."""
+_ALIGNMENT = {0x01000007: 12}
+"""Slices begin at multiples of 2 to this power: pages of Intel's processors have 4 KiB."""
+_LARGEST_ALIGNMENT = 14
+"""Pages of Apple's own processors have 16 KiB."""
 
 _MAGIC = 0xCAFEBABE
 _SLICE_MAGIC = 0xFEEDFACF  # 64-bit Mach-O, least significant byte first
@@ -26,17 +28,16 @@ def universal_library(slices: Sequence[bytes]) -> bytes:
     Raises:
         BuildError: A slice is no such library, or two are for the same processor.
     """
-    page = 1 << ALIGNMENT
     at = struct.calcsize(_HEADER) + len(slices) * struct.calcsize(_RECORD)
     records, body, processors = b"", b"", set()
-    start = -(-at // page) * page
     for content in slices:
         magic, processor, kind = struct.unpack_from(_SLICE_HEADER, content.ljust(12, b"\0"))
         if magic != _SLICE_MAGIC or processor in processors:
             what = "slices must be 64-bit Mach-O libraries of different processors"
             raise BuildError.of("universal library", what, "Compile each for its own platform")
         processors.add(processor)
-        body = body.ljust(-(-len(body) // page) * page, b"\0")
-        records += struct.pack(_RECORD, processor, kind, start + len(body), len(content), ALIGNMENT)
-        body += content
-    return (struct.pack(_HEADER, _MAGIC, len(slices)) + records).ljust(start, b"\0") + body
+        alignment = _ALIGNMENT.get(processor, _LARGEST_ALIGNMENT)
+        start = -(-(at + len(body)) // (1 << alignment)) * (1 << alignment)
+        records += struct.pack(_RECORD, processor, kind, start, len(content), alignment)
+        body = body.ljust(start - at, b"\0") + content
+    return struct.pack(_HEADER, _MAGIC, len(slices)) + records + body

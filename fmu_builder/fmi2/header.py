@@ -8,13 +8,23 @@ from fmu_builder.fmi2.interface import Interface
 from fmu_builder.fmi2.variable import Variable
 
 _LARGEST = 1.7976931348623157e308
+_PER_LINE = 8
 
 
 def _array(kind: str, name: str, interface: Interface, item: Callable[[Variable], str]) -> Iterator[str]:
+    entries = [item(variable) for variable in interface.variables]
     yield f"static const {kind}{name}[VARIABLE_COUNT] = {{"
-    for variable in interface.variables:
-        yield f"    {item(variable)}, /* {variable.name} */"
+    for start in range(0, len(entries), _PER_LINE):
+        yield f"    {', '.join(entries[start : start + _PER_LINE])},"
     yield "};"
+
+
+def _names(interface: Interface) -> Iterator[str]:
+    """Yield all names as one text: a table of pointers would have to be relocated on every platform."""
+    yield "static const char variable_names[] ="
+    yield from (f'    "{interface.shown_name(variable)}\\0"' for variable in interface.variables)
+    yield "    ;"
+    yield "#define variable_name(reference) text_at(variable_names, (reference))"
 
 
 def _states(interface: Interface) -> Iterator[str]:
@@ -62,7 +72,7 @@ def variables_header(interface: Interface, guid: str) -> str:
         f"    EVENT_INDICATORS = {interface.event_indicators}",
         "};",
         "",
-        *_array("char *const ", "variable_name", interface, lambda v: f'"{interface.shown_name(v)}"'),
+        *_names(interface),
         *_array("unsigned char ", "variable_type", interface, lambda v: f"TYPE_{v.type.upper()}"),
         *_array(
             "unsigned char ", "variable_causality", interface, lambda v: f"CAUSALITY_{v.causality.upper()}"

@@ -24,8 +24,8 @@ void *memcpy(void *restrict target, const void *restrict source, size_t size)
     return target;
 }
 
-/** target[0..size) = source[0..size), overlapping allowed */
-void *memmove(void *target, const void *source, size_t size)
+/** target[0..size) = source[0..size), overlapping allowed; seldom called */
+__attribute__((minsize)) void *memmove(void *target, const void *source, size_t size)
 {
     unsigned char *to = target;
     const unsigned char *from = source;

@@ -38,7 +38,7 @@ static int instance_can_differentiate(const Instance *instance, const fmi2ValueR
         const char *trouble = is_known ? trouble_with_known(instance, vr[k]) : trouble_with_unknown(vr[k]);
         if (trouble != NULL) {
             message_append(message, is_known ? "no derivative with respect to " : "no derivative of ");
-            message_append(message, variable_name[vr[k]]);
+            message_append(message, variable_name(vr[k]));
             (void)instance_error(instance, message, trouble);
             return 0;
         }
@@ -79,7 +79,7 @@ FMI2_Export COLD fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const 
     }
     for (size_t k = 0; k < nUnknown; ++k) {
         if (!is_finite(change[vUnknown_ref[k]])) {
-            message_append(&message, variable_name[vUnknown_ref[k]]);
+            message_append(&message, variable_name(vUnknown_ref[k]));
             return instance_refuse(instance, &message, ": the derivative is not a finite number");
         }
     }

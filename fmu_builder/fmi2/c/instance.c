@@ -57,24 +57,15 @@ enum {
     LEGAL_GetNominalsOfContinuousStates = ONLY_MODEL_EXCHANGE | MODE_ANY
 };
 
-static const char *mode_name(int64_t mode)
+static COLD const char *mode_name(int64_t mode)
 {
-    switch (mode) {
-    case MODE_INSTANTIATED:
-        return "before initialisation";
-    case MODE_INITIALISATION:
-        return "in initialisation mode";
-    case MODE_STEP:
-        return "between communication steps";
-    case MODE_EVENT:
-        return "in event mode";
-    case MODE_CONTINUOUS:
-        return "in continuous-time mode";
-    case MODE_TERMINATED:
-        return "after termination";
-    default:
-        return "after an error of the model";
+    unsigned k = 0;
+    while ((int)mode != 1 << k) {
+        ++k;
     }
+    return text_at("before initialisation\0in initialisation mode\0between communication steps\0after termination\0"
+                   "after an error of the model\0in event mode\0in continuous-time mode",
+                   k);
 }
 
 static const char *purpose_name(int64_t purpose)
@@ -84,7 +75,7 @@ static const char *purpose_name(int64_t purpose)
 
 /* The log categories that modelDescription.xml lists, and what each stands for. */
 static const struct {
-    const char *name;
+    char name[20];
     unsigned kinds;
 } log_categories[] = {{"logAll", LOG_ALL},
                       {"logEvents", LOG_EVENT},
@@ -175,7 +166,7 @@ static int instance_knows(const Instance *instance, const fmi2ValueReference vr[
             return 0;
         }
         if ((variable_type[vr[k]] & types) == 0) {
-            message_append(message, variable_name[vr[k]]);
+            message_append(message, variable_name(vr[k]));
             (void)instance_error(instance, message, " has another type");
             return 0;
         }
@@ -194,7 +185,7 @@ static fmi2Status instance_prepare(Instance *instance, const fmi2ValueReference 
             return instance_refuse(instance, message, "");
         }
         if (!is_finite(instance->slave.values[vr[k]])) {
-            message_append(message, variable_name[vr[k]]);
+            message_append(message, variable_name(vr[k]));
             return instance_refuse(instance, message, " is not a finite number");
         }
     }
@@ -221,7 +212,7 @@ static int is_outside(fmi2ValueReference vr, double value)
 /** message + "NAME = value is outside [minimum, maximum]" */
 static COLD void message_append_outside(Message *message, fmi2ValueReference vr, double value)
 {
-    message_append(message, variable_name[vr]);
+    message_append(message, variable_name(vr));
     message_append(message, " = ");
     message_append_number(message, value);
     message_append(message, " is outside [");
@@ -237,18 +228,18 @@ static int instance_accepts(const Instance *instance, fmi2ValueReference vr, dou
     const int causality = variable_causality[vr];
     const int is_parameter = causality == CAUSALITY_PARAMETER;
     if (causality != CAUSALITY_INPUT && !is_parameter) {
-        message_append(message, variable_name[vr]);
+        message_append(message, variable_name(vr));
         message_append(message, " is neither an input nor a parameter and cannot be set");
     } else if (is_parameter && variable_variability[vr] == VARIABILITY_FIXED &&
                (instance->slave.mode & LEGAL_SetFixed) == 0) {
-        message_append(message, variable_name[vr]);
+        message_append(message, variable_name(vr));
         message_append(message, " is a fixed parameter and can only be set before initialisation ends");
     } else if (instance->slave.mode == MODE_CONTINUOUS && variable_variability[vr] != VARIABILITY_CONTINUOUS) {
-        message_append(message, variable_name[vr]);
+        message_append(message, variable_name(vr));
         message_append(message, is_parameter ? " is a tunable parameter" : " is discrete");
         message_append(message, " and can only be set in event mode");
     } else if (!is_finite(value)) {
-        message_append(message, variable_name[vr]);
+        message_append(message, variable_name(vr));
         message_append(message, " must be a finite number");
     } else if (is_parameter && is_outside(vr, value)) {
         message_append_outside(message, vr, value);

@@ -16,6 +16,16 @@ typedef struct {
     unsigned length;
 } Message;
 
+/** text number k of texts that stand one behind the other */
+static COLD const char *text_at(const char *texts, unsigned k)
+{
+    for (; k > 0; --k) {
+        while (*texts++ != '\0') {
+        }
+    }
+    return texts;
+}
+
 /** empty message */
 static void message_clear(Message *message)
 {

@@ -132,7 +132,7 @@ FMI2_Export fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x
     }
     for (size_t k = 0; k < nx; ++k) {
         if (!is_finite(x[k])) {
-            message_append(&message, variable_name[continuous_state[k].state]);
+            message_append(&message, variable_name(continuous_state[k].state));
             return instance_error(instance, &message, " must be a finite number");
         }
     }

@@ -180,7 +180,7 @@ static int slave_check_advance(const Slave *slave, double step, Message *message
     for (unsigned k = 0; k < INPUT_COUNT; ++k) {
         if (!is_finite(slave->values[k] + slave->input_derivative[k] * (step + slave->sample_time))) {
             message_append(message, "the derivative of ");
-            message_append(message, variable_name[k]);
+            message_append(message, variable_name(k));
             message_append(message, " leads out of the range of numbers within the step");
             return 1;
         }

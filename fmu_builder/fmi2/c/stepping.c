@@ -17,7 +17,7 @@ FMI2_Export fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2Va
                               : !is_finite(value[k])                       ? ": the derivative must be a finite number"
                                                                            : NULL;
         if (trouble != NULL) {
-            message_append(&message, variable_name[vr[k]]);
+            message_append(&message, variable_name(vr[k]));
             return instance_error(instance, &message, trouble);
         }
     }

@@ -117,7 +117,7 @@ static COLD int model_start_derivative(
         d_chosen.numbers[n] = direction[FIRST_PARAMETER + n];
         if (d_chosen.numbers[n] != 0.0 && chosen.numbers[n] != values[FIRST_PARAMETER + n]) {
             message_append(message, "no derivative with respect to ");
-            message_append(message, variable_name[FIRST_PARAMETER + n]);
+            message_append(message, variable_name(FIRST_PARAMETER + n));
             message_append(message, ": it has its start value, so the preset decides; give it a value of its own");
             return 1;
         }

@@ -15,7 +15,7 @@ static void check_set(Pair *pair, const References *some, const double *values)
         }
         if (last && (pair->life.mode & READABLE) != 0) {
             ASK(pair, READABLE, MUST_WORK, GetReal, some->vr + k, 1, &found);
-            REQUIRE(same_bits(found, values[k]), "%s was set to %.17g and is %.17g", variable_name[some->vr[k]],
+            REQUIRE(same_bits(found, values[k]), "%s was set to %.17g and is %.17g", variable_name(some->vr[k]),
                     values[k], found);
         }
     }

@@ -10,6 +10,15 @@
 #include "fmi2Functions.h"
 #include "variables.h"
 
+/** text number k of texts that stand one behind the other: names of variables */
+static const char *text_at(const char *texts, unsigned k)
+{
+    for (; k > 0; --k) {
+        texts += strlen(texts) + 1;
+    }
+    return texts;
+}
+
 #define FUNCTIONS(X)                                                                                        \
     X(GetTypesPlatform) X(GetVersion) X(SetDebugLogging) X(Instantiate) X(FreeInstance) X(SetupExperiment)  \
     X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)                              \

@@ -44,10 +44,10 @@ static void compare_pair(Pair *pair)
     for (fmi2ValueReference vr = 0; vr < VARIABLE_COUNT; ++vr) {
         double value, other;
         const fmi2Status status = get_any(pair->main, vr, &value), others = get_any(pair->shadow, vr, &other);
-        REQUIRE(status == others, "%s can be read: %d, and %d on a quiet instance", variable_name[vr], (int)status, (int)others);
+        REQUIRE(status == others, "%s can be read: %d, and %d on a quiet instance", variable_name(vr), (int)status, (int)others);
         REQUIRE(status != fmi2OK || same_bits(value, other), "%s is %.17g, and %.17g on a quiet instance",
-                variable_name[vr], value, other);
-        REQUIRE(status != fmi2OK || isfinite(value), "%s is %g", variable_name[vr], value);
+                variable_name(vr), value, other);
+        REQUIRE(status != fmi2OK || isfinite(value), "%s is %g", variable_name(vr), value);
         all_there = all_there && status == fmi2OK;
     }
     if (pair->kind == fmi2ModelExchange && CONTINUOUS_STATES > 0 && (pair->life.mode & READABLE) != 0) {

@@ -163,7 +163,7 @@ def linearised(
     own = place.lower() if place.startswith("OP") else f"{round(1000 * height)}mm"
     name = "linear" if height == LINEARISATION_HEIGHT else f"linear_{own}"
     parameter_set = linear_parameter_set(
-        identifier(name, wbm), model, "eta", limits, signals, forces, provenance
+        identifier(name, wbm), model, "eta", limits, signals, forces, provenance, training
     )
     labels = _labels(
         wbm, parameter_set, offsets="subtracted after the simulation", route=f"linearised at {place}"

@@ -11,8 +11,10 @@ import numpy as np
 from fmu_builder.errors import IdentificationError
 from fmu_builder.parameter_set import DerivedOutput, InputSignal, OutputSignal, ParameterSet
 from identification.arrays import Array
+from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.network import NetworkSettings, assemble, partition_of
+from identification.region import trained_region
 
 _SETTINGS = NetworkSettings(validity="hat_clamped", blending="output", offsets="affine")
 
@@ -66,6 +68,7 @@ def linear_parameter_set(
     signals: tuple[tuple[InputSignal, ...], tuple[OutputSignal, ...]],
     derived_outputs: Sequence[DerivedOutput] = (),
     provenance: Mapping[str, Any] | None = None,
+    training: Sequence[DataSet] = (),
 ) -> ParameterSet:
     """Return a network of one local model with the affine offsets u_0, y_0 of its operating point.
 
@@ -77,8 +80,10 @@ def linear_parameter_set(
         signals: Inputs and outputs.
         derived_outputs: Outputs computed from inputs and outputs.
         provenance: Where it comes from.
+        training: The data that the limits of the signals come from.
 
     Raises:
+        DataError: Columns are missing.
         ParameterSetError: Not a valid parameter set; every problem is named.
     """
     centre = model.input_operating_point[model.inputs.index(scheduling)]
@@ -91,4 +96,5 @@ def linear_parameter_set(
         derived_outputs=derived_outputs,
         kind="linear",
         provenance=dict(provenance or {}),
+        trained_region=trained_region(training, model.inputs, scheduling, model.sample_time, derived_outputs),
     )

@@ -10,13 +10,21 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from fmu_builder.errors import DataError, IdentificationError, Problem
-from fmu_builder.parameter_set import DerivedOutput, InputSignal, OutputSignal, ParameterSet, Partition
+from fmu_builder.parameter_set import (
+    DerivedOutput,
+    InputSignal,
+    OutputSignal,
+    ParameterSet,
+    Partition,
+    TrainedRegion,
+)
 from identification import static_map as maps
 from identification.arrays import Array
 from identification.choice import Choice
 from identification.data_set import DataSet
 from identification.local_model import LocalModel
 from identification.network import NetworkSettings, assemble, partition_of, signals_of, widened
+from identification.region import trained_region
 from identification.static_map import StaticMap
 from identification.subspace import SubspaceSettings, estimate
 from identification.subspace.alignment import HORIZON, Alignment, in_common_coordinates
@@ -83,6 +91,7 @@ class LocalModels:
         provenance: Names and content hashes of the training data.
         output_scale: Mean standard deviation of each output in training, shape (p,).
         own_choices: What was chosen automatically for all local models together.
+        training: All data that they and their network are trained on.
     """
 
     settings: N4sidSettings
@@ -93,6 +102,7 @@ class LocalModels:
     output_scale: Array
     provenance: dict[str, Any] = field(default_factory=dict)
     own_choices: tuple[Choice, ...] = ()
+    training: tuple[DataSet, ...] = ()
 
     @property
     def choices(self) -> tuple[Choice, ...]:
@@ -120,14 +130,24 @@ class LocalModels:
         return f"{self.settings.scheduling} = {self.centres[index]:g}"
 
     def trained_on(self, whole_range: Sequence[DataSet]) -> LocalModels:
-        """Return the same with limits of the signals that take in whole-range training data.
+        """Return the same with whole-range training data, and limits of the signals that take them in.
 
         Raises:
             DataError: Columns are missing.
         """
         known = self.settings
         limits = (known.low, known.high)
-        return replace(self, signals=widened(self.signals, whole_range, known.scheduling, limits))
+        signals = widened(self.signals, whole_range, known.scheduling, limits)
+        return replace(self, signals=signals, training=(*self.training, *whole_range))
+
+    def region(self, derived_outputs: Sequence[DerivedOutput] = ()) -> TrainedRegion | None:
+        """Return where the training data lie, None where they are not known.
+
+        Raises:
+            DataError: Columns are missing.
+        """
+        known, tick = self.settings, self.models[0].sample_time
+        return trained_region(self.training, known.inputs, known.scheduling, tick, derived_outputs)
 
     def refuse_outside(self) -> None:
         """Refuse an operating point outside the limits of the training data.
@@ -205,7 +225,9 @@ def identify(
     signals = signals_of(ordered, chosen.inputs, chosen.outputs, chosen.operating_point, start, descriptions)
     data = [{"name": one.name, "content_hash": one.content_hash} for one in ordered]
     provenance = {"training": data, "settings": chosen.model_dump(mode="json")}
-    return LocalModels(chosen, centres, tuple(common), signals, rest, scale, provenance, own_choices)
+    return LocalModels(
+        chosen, centres, tuple(common), signals, rest, scale, provenance, own_choices, tuple(ordered)
+    )
 
 
 def network(
@@ -244,6 +266,7 @@ def network(
         local.static_map,
         derived_outputs,
         provenance=provenance,
+        trained_region=local.region(derived_outputs),
         **rest,
     )
 

@@ -64,6 +64,7 @@ def network(
         kind="surrogate",
         surrogate=result.parameters(),
         provenance=provenance,
+        trained_region=result.local.region(derived_outputs),
         **rest,
     )
     if result.settings.offsets == "affine":

@@ -13,7 +13,7 @@ from typing import Any
 from cosimulation.progress import SILENT, Reporter
 from fmu_builder.errors import DataError, FmuError, Problem, SettingsError
 from fmu_builder.kernel import simulate
-from fmu_builder.llmn_fmu import interface
+from fmu_builder.llmn_fmu import identity, interface
 from fmu_builder.parameter_set import ParameterSet, StabilityProof, load, loads
 from identification.data_set import DataSet, load_all
 from identification.scores import records
@@ -151,9 +151,9 @@ def _refuse_other_guid(path: Path, parameter_set: ParameterSet, description: byt
         raise FmuError.of(str(path), f"has no model description ({reason})", "Give an FMU") from reason
     identifiers = {found for item in root for found in [item.get("modelIdentifier")] if found}
     proofs = (None,) if parameter_set.certificate is None else (None, proved(parameter_set))
-    model_hash = parameter_set.model_hash()
+    computes = identity(parameter_set)
     known = {
-        interface(parameter_set, identifier, naming, proof).guid(model_hash)
+        interface(parameter_set, identifier, naming, proof).guid(computes)
         for identifier in identifiers
         for naming in ("flat", "structured")
         for proof in proofs

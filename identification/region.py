@@ -30,9 +30,9 @@ def trained_region(
 ) -> TrainedRegion | None:
     """Return where data lie, None without data.
 
-    The rate is the largest move of the scheduling input from row to row, over the sample time; a derived
-    output is taken as recorded, or worked out where there is no column of its name; a band of frequencies
-    reaches from the lowest to the highest of all data (`frequency_band`).
+    The rate is the largest move of the scheduling input from row to row, over the sample time; derived
+    outputs are worked out from inputs and outputs, with what noise these have; a band of frequencies reaches
+    from the lowest to the highest of all data (`frequency_band`).
 
     Args:
         training: All data that a network was trained on.
@@ -92,9 +92,7 @@ def _moved(values: Array, sample_time: float, segments: int) -> Array | None:
 
 
 def _derived(data: DataSet, output: DerivedOutput) -> Array:
-    """Return a derived output: its own column, or what its terms give."""
-    if output.name in data.names:
-        return data.column(output.name)
+    """Return what the terms of a derived output give; a column of its name is not looked at."""
     parts = [
         term.sign * output.parameters[term.parameter].value * data.column(term.signal)
         for term in output.terms

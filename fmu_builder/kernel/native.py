@@ -29,7 +29,7 @@ def library() -> ctypes.CDLL:
     """
     loaded = load_native("llmn_kernel", SOURCES / "host.c", include=(SOURCES,))
     loaded.llmn_feedthrough.restype = ctypes.c_double
-    for name in ("llmn_tick", "llmn_outputs", "llmn_weights", "llmn_static_map", "llmn_nodes"):
+    for name in ("llmn_outputs", "llmn_weights", "llmn_static_map", "llmn_nodes"):
         getattr(loaded, name).restype = None
     return loaded
 
@@ -103,7 +103,7 @@ class Network:
             raise _no_steady_state()
 
     def tick(self, inputs: ArrayLike) -> None:
-        """Go from t_n to t_n+1 with the inputs [m] in force at t_n."""
+        """Go from t_n to t_n+1 with the inputs [m] in force at t_n; none is limited."""
         row = self._row(inputs)
         library().llmn_tick(ctypes.byref(self._native), _pointer(self.state), _pointer(row))
 
@@ -160,6 +160,11 @@ class Network:
     def outside(self) -> bool:
         """Whether a tick has moved the scheduling variable further than is certified."""
         return bool(self.state[self.tables.carried_size - 1] != 0.0)
+
+    @property
+    def in_range(self) -> bool:
+        """Whether the last tick lay in the trained region (c/region.c)."""
+        return bool(self.state[self.tables.carried_size - 4] != 0.0)
 
     def _row(self, inputs: ArrayLike) -> Array:
         return _checked(np.atleast_2d(np.asarray(inputs, dtype=np.float64)), self.tables.sizes["inputs"])

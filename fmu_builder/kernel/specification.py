@@ -8,20 +8,28 @@ kernel is for work.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 from fmu_builder.errors import ParameterSetError
 from fmu_builder.kernel.contact import contact_of, no_contact
+from fmu_builder.kernel.scalar_algebra import (
+    Blend,
+    Row,
+    between,
+    blended,
+    blended_matrix,
+    cell_of,
+    fraction_of,
+    solve,
+    times,
+)
 from fmu_builder.parameter_set import LocalLinearModel, ParameterSet, Partition, StaticMap
 
-Row = Sequence[float]
-Blend = list[tuple[LocalLinearModel, float]]
 _FACTORIALS = [1.0 / math.factorial(n) for n in range(15)]
 _START_PASSES = 100  # KERNEL_START_PASSES of kernel.h
 _SMALLEST = 1e-100  # what is smaller than this becomes zero at a tick: no denormal numbers (c/kernel.h)
 _LOG_SMALLEST = -230.0  # the same for a log-weight below the largest one
-_SINGULAR = 1e-14  # a pivot this small against the largest entry means: no steady state
 
 
 def exponential(x: float) -> float:
@@ -77,87 +85,31 @@ def low_pass_gain(corner_frequency: float, sample_time: float) -> float:
     return 1.0 - exponential(-2.0 * math.pi * corner_frequency * sample_time)
 
 
-def times(matrix: Sequence[Row], vector: Row, result: list[float]) -> None:
-    """Add `matrix` times `vector` to `result`, summing over the columns in order."""
-    for row, entries in enumerate(matrix):
-        for entry, value in zip(entries, vector, strict=True):
-            result[row] += entry * value
-
-
-def blended(blend: Blend, of: Callable[[LocalLinearModel], Row]) -> list[float]:
-    """Return sum_a w_a v_a of a vector v of the models."""
-    result = [0.0] * len(of(blend[0][0]))
-    for model, weight in blend:
-        for index, value in enumerate(of(model)):
-            result[index] += weight * value
-    return result
-
-
-def blended_matrix(blend: Blend, of: Callable[[LocalLinearModel], Sequence[Row]]) -> list[list[float]]:
-    """Return sum_a w_a M_a of a matrix M of the models, row by row."""
-    rows = len(of(blend[0][0]))
-
-    def row_of(index: int) -> Callable[[LocalLinearModel], Row]:
-        return lambda model: of(model)[index]
-
-    return [blended(blend, row_of(index)) for index in range(rows)]
-
-
-def between(positions: Row, rows: Sequence[Row], value: float) -> list[float]:
-    """Return the linear interpolation of `rows`, continued by the end segments."""
-    cell = cell_of(positions, value)
-    f = fraction_of(positions, cell, value)
-    return [(1.0 - f) * left + f * right for left, right in zip(rows[cell], rows[cell + 1], strict=True)]
-
-
-def cell_of(positions: Row, value: float) -> int:
-    """Return the last cell that begins at or before `value`; 0 before all."""
-    return max([0, *(k for k in range(len(positions) - 1) if positions[k] <= value)])
-
-
-def fraction_of(positions: Row, cell: int, value: float) -> float:
-    """Return where in its cell `value` lies, 0 at the left end, 1 at the right."""
-    return (value - positions[cell]) / (positions[cell + 1] - positions[cell])
-
-
-def solve(matrix: list[list[float]], x: list[float]) -> bool:
-    """Replace x by the solution of matrix * solution = x; False when the matrix is singular."""
-    n = len(x)
-    largest = max(abs(entry) for row in matrix for entry in row)
-    for k in range(n):
-        pivot = max(range(k, n), key=lambda row: (abs(matrix[row][k]), -row))
-        if not abs(matrix[pivot][k]) > _SINGULAR * largest:
-            return False
-        matrix[k], matrix[pivot] = matrix[pivot], matrix[k]
-        x[k], x[pivot] = x[pivot], x[k]
-        for i in range(k + 1, n):
-            factor = matrix[i][k] / matrix[k][k]
-            for j in range(k + 1, n):
-                matrix[i][j] -= factor * matrix[k][j]
-            x[i] -= factor * x[k]
-    for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            x[k] -= matrix[k][j] * x[j]
-        x[k] /= matrix[k][k]
-    return True
-
-
 class Network:
     """The network with its state; `start`, then `tick` and `outputs` as often as wanted.
 
     Attributes:
         x: States of the blend, or of every local model with output blending.
         weights: [M] validities at the last tick.
-        in_range: Whether the inputs of the last tick lie in the trained range.
+        in_range: Whether the last tick lay in the trained region.
+        given: Scheduling input of the last tick before a contact acts on it.
         deviation: (C x)_j of the last tick, which also schedules.
         position: r of the last tick.
         outside: Whether a tick has moved r by more than `certified_move`, if that is not 0.
     """
 
     def __init__(
-        self, parameter_set: ParameterSet, *, unilateral: bool = False, certified_move: float = 0.0
+        self,
+        parameter_set: ParameterSet,
+        *,
+        unilateral: bool = False,
+        certified_move: float = 0.0,
+        limited: bool = False,
     ) -> None:
         self.set = parameter_set
+        self.limited = limited
+        self.region = parameter_set.trained_region
+        self.given = 0.0
         self.contact = contact_of(parameter_set) if unilateral else None
         self.certified_move = certified_move
         self.position = 0.0
@@ -183,8 +135,9 @@ class Network:
         Raises:
             ParameterSetError: There is none.
         """
-        self.low_pass = self.held_scheduling = inputs[self.set.scheduling_index]
-        self.in_range = self._inside(inputs)
+        index, given = self.set.scheduling_index, inputs
+        inputs = self._limited(inputs)
+        self.low_pass = self.held_scheduling = self.given = inputs[index]
         self.outside = False
         self.deviation = 0.0
         self._settle(inputs)
@@ -193,8 +146,9 @@ class Network:
             self._settle(inputs)
             if self.deviation == before:
                 break
-        if self.contact is not None and inputs[self.set.scheduling_index] > self.held[self.contact.output]:
+        if self.contact is not None and inputs[index] > self.held[self.contact.output]:
             raise no_contact()
+        self.in_range = self._inside(given)
 
     def _acting(self, inputs: Row, ahead: float) -> list[float]:
         """Return the inputs with min(u_s, y + ahead y_dot) for the wire u_s that the pan-head y may leave."""
@@ -224,6 +178,9 @@ class Network:
 
     def tick(self, inputs: Row) -> None:
         """Go from t_n to t_n+1 with the inputs [m] in force at t_n."""
+        self.in_range = self._inside(inputs)
+        inputs = self._followed(inputs)
+        self.given = inputs[self.set.scheduling_index]
         inputs = self._acting(inputs, 0.5 * self.set.sample_time)
         scheduling = inputs[self.set.scheduling_index]
         change = scheduling - self.held_scheduling
@@ -235,7 +192,6 @@ class Network:
         blend = self._schedule(position)
         self.outside = self.outside or 0.0 < self.certified_move < abs(self.position - before)
         self.held_scheduling = scheduling
-        self.in_range = self._inside(inputs)
         if self.kind == "scheduled_equilibrium":
             self._rebase(blend, change)
         self._advance(blend, inputs)
@@ -243,7 +199,7 @@ class Network:
 
     def outputs(self, inputs: Row) -> list[float]:
         """Return the outputs [p] and derived outputs [R] with `inputs` [m] set last."""
-        inputs = self._acting(inputs, 0.0)
+        inputs = self._acting(self._followed(inputs), 0.0)
         values = list(self.held)
         if self.has_feedthrough:
             times(self.feedthrough, self._deviation(inputs, self.u_op), values)
@@ -261,10 +217,37 @@ class Network:
         return self.set.local_models if table is None or self.output_blending else table.models
 
     def _inside(self, inputs: Row) -> bool:
-        low, high = self.set.partition.range
+        """Return whether the inputs given, their move and the derived outputs keep the trained limits."""
+        (low, high), s = self.set.partition.range, inputs[self.set.scheduling_index]
         pairs = zip(self.set.inputs, inputs, strict=True)
-        inside = all(signal.minimum <= value <= signal.maximum for signal, value in pairs)
-        return inside and low <= inputs[self.set.scheduling_index] <= high
+        inside = (
+            all(signal.minimum <= value <= signal.maximum for signal, value in pairs) and low <= s <= high
+        )
+        if self.region is None:
+            return inside
+        values = dict(zip(self.set.output_names, self.outputs(inputs), strict=True))
+        forces = all(low <= values[name] <= high for name, (low, high) in self.region.derived_outputs.items())
+        return inside and forces and abs(s - self.given) <= self.region.rate * self.set.sample_time
+
+    def _limited(self, inputs: Row) -> Row:
+        """Return the inputs, where they are limited between their trained limits."""
+        if not self.limited:
+            return inputs
+        result = [
+            min(max(u, one.minimum), one.maximum) for one, u in zip(self.set.inputs, inputs, strict=True)
+        ]
+        (low, high), index = self.set.partition.range, self.set.scheduling_index
+        result[index] = min(max(result[index], low), high)
+        return result
+
+    def _followed(self, inputs: Row) -> Row:
+        """Return limited inputs, the scheduling one no further from the last tick's than in training."""
+        result = list(self._limited(inputs))
+        if self.limited and self.region is not None:
+            index, most = self.set.scheduling_index, self.region.rate * self.set.sample_time
+            move = result[index] - self.given
+            result[index] = result[index] if abs(move) <= most else self.given + math.copysign(most, move)
+        return result
 
     def _scheduling(self, s: float) -> float:
         return s if self.kappa == 0.0 else s + self.kappa * self.deviation

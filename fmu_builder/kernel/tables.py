@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,24 +14,26 @@ from fmu_builder.kernel.specification import log_weight_coefficients, low_pass_g
 from fmu_builder.parameter_set import LocalLinearModel, ParameterSet, Partition
 
 Array = NDArray[np.float64]
+_LARGEST = sys.float_info.max
 _OFFSETS = ("none", "affine", "low_pass", "scheduled_equilibrium")  # OFFSETS_... of kernel.h
 
 SIZES = (
     *("states", "inputs", "outputs", "derived", "local_models", "models", "output_models"),
     *("nodes", "map_points"),
-    *("blending", "offsets", "scheduling", "feedthrough", "deviation_output"),
+    *("blending", "offsets", "scheduling", "feedthrough", "deviation_output", "watched"),
 )
 MODEL_ARRAYS = ("A", "B", "C", "D", "g", "x0", "u0", "y0")
 """One row per model; of C one row where it is the same in all."""
 
 NUMBERS = (
     *("range_low", "range_high", "range_middle", "low_pass_gain", "node_scale", "map_scale"),
-    *("deviation_gain", "certified_move"),
+    *("deviation_gain", "certified_move", "trained_move"),
 )
 ARRAYS = (
     *("log_weights", "node_positions", "node_weights", "map_positions", "map_values"),
     *MODEL_ARRAYS,
     *("input_operating_point", "output_operating_point", "input_minimum", "input_maximum"),
+    *("derived_minimum", "derived_maximum"),
     "term_coefficients",
 )
 INDICES = ("term_signals", "term_ends")
@@ -82,7 +85,7 @@ class Tables:
         """Doubles of it that carry something from tick to tick; the last of them is `outside`."""
         size = self.sizes
         n, m, p, M = size["states"], size["inputs"], size["outputs"], size["local_models"]
-        return (n if size["blending"] else M * n) + M + p + m * p + n + 6
+        return (n if size["blending"] else M * n) + M + p + m * p + n + 7
 
     def native(self) -> NativeTables:
         """Return the C structure; it points into the arrays, so keep `self` alive while it is used."""
@@ -109,7 +112,7 @@ def tables_of(parameter_set: ParameterSet, certified_move: float = 0.0) -> Table
     models = parameter_set.local_models if node_table is None or output_blending else node_table.models
     nodes = () if node_table is None else node_table.positions
     points = () if offsets.static_map is None else offsets.static_map.positions
-    arrays = {name: np.zeros(0) for name in ARRAYS} | model_arrays(models) | _signal_arrays(parameter_set)
+    arrays = {name: np.zeros(0) for name in ARRAYS} | model_arrays(models) | _limits(parameter_set)
     if node_table is None:
         arrays["log_weights"] = _flat(log_weight_coefficients(partition))
     else:
@@ -135,6 +138,7 @@ def tables_of(parameter_set: ParameterSet, certified_move: float = 0.0) -> Table
             "offsets": _OFFSETS.index(offsets.kind),
             "scheduling": parameter_set.scheduling_index,
             "deviation_output": _deviation_index(parameter_set),
+            "watched": int(arrays["derived_minimum"].size > 0),
         },
         numbers={
             "range_low": partition.range[0],
@@ -147,6 +151,7 @@ def tables_of(parameter_set: ParameterSet, certified_move: float = 0.0) -> Table
             "map_scale": _scale(points),
             "deviation_gain": partition.deviation_gain,
             "certified_move": certified_move,
+            "trained_move": trained_move(parameter_set),
         },
         arrays=arrays | {"term_coefficients": coefficients},
         indices=indices,
@@ -233,14 +238,35 @@ def _without_repetition(arrays: dict[str, Array], models: int) -> dict[str, int]
     return {"output_models": len(rows), "feedthrough": int(feedthrough)}
 
 
-def _signal_arrays(parameter_set: ParameterSet) -> dict[str, Array]:
-    inputs, outputs = parameter_set.inputs, parameter_set.outputs
-    return {
+def trained_move(parameter_set: ParameterSet) -> float:
+    """Return how far the scheduling input moved per tick in training; the largest number: nobody knows."""
+    region = parameter_set.trained_region
+    return _LARGEST if region is None else region.rate * parameter_set.sample_time
+
+
+def input_limits(parameter_set: ParameterSet) -> list[tuple[float, float]]:
+    """Return smallest and largest trained value of every input; of the scheduling input within the range."""
+    limits = [(signal.minimum, signal.maximum) for signal in parameter_set.inputs]
+    (low, high), index = parameter_set.partition.range, parameter_set.scheduling_index
+    limits[index] = max(limits[index][0], low), min(limits[index][1], high)
+    return limits
+
+
+def _limits(parameter_set: ParameterSet) -> dict[str, Array]:
+    """Return operating point and trained limits of the signals."""
+    inputs, outputs, limits = parameter_set.inputs, parameter_set.outputs, input_limits(parameter_set)
+    arrays = {
         "input_operating_point": _flat([signal.operating_point for signal in inputs]),
         "output_operating_point": _flat([signal.operating_point for signal in outputs]),
-        "input_minimum": _flat([signal.minimum for signal in inputs]),
-        "input_maximum": _flat([signal.maximum for signal in inputs]),
+        "input_minimum": _flat([low for low, _ in limits]),
+        "input_maximum": _flat([high for _, high in limits]),
     }
+    known = {} if parameter_set.trained_region is None else parameter_set.trained_region.derived_outputs
+    if known:
+        spans = [known.get(one.name, (-_LARGEST, _LARGEST)) for one in parameter_set.derived_outputs]
+        arrays["derived_minimum"] = _flat([low for low, _ in spans])
+        arrays["derived_maximum"] = _flat([high for _, high in spans])
+    return arrays
 
 
 def _terms(parameter_set: ParameterSet) -> tuple[Array, dict[str, NDArray[np.int32]]]:

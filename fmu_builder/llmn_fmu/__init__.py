@@ -2,6 +2,6 @@
 
 from fmu_builder.llmn_fmu.build import build_llmn
 from fmu_builder.llmn_fmu.card import model_card
-from fmu_builder.llmn_fmu.variables import interface
+from fmu_builder.llmn_fmu.variables import identity, interface
 
-__all__ = ["build_llmn", "interface", "model_card"]
+__all__ = ["build_llmn", "identity", "interface", "model_card"]

@@ -19,7 +19,7 @@ from fmu_builder.kernel import (
     without_arrays,
 )
 from fmu_builder.llmn_fmu.card import model_card
-from fmu_builder.llmn_fmu.variables import conditions, interface
+from fmu_builder.llmn_fmu.variables import conditions, identity, interface
 from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
 _C_FOLDER = Path(__file__).parent / "c"
@@ -69,7 +69,7 @@ def build_llmn(
     headers["contact.h"] = contact_header(contact_of(parameter_set))
     return build_fmu(
         shown,
-        parameter_set.model_hash(),
+        identity(parameter_set),
         _C_FOLDER / unity,
         (_C_FOLDER, SOURCES),
         headers,
@@ -84,8 +84,12 @@ def build_llmn(
 
 
 def _values(shown: Interface) -> dict[str, bytes]:
-    """Return identified.ssv: the parameters' start values, to change some of and give to an importer."""
-    known = {v.name: float(v.start) for v in shown.of_causality("parameter") if v.start is not None}
+    """Return identified.ssv: the parameters' start values, to change some of and give to an importer.
+
+    Without out_of_range: some importers of SSV know no Enumeration.
+    """
+    parameters = [v for v in shown.of_causality("parameter") if v.type != "Enumeration"]
+    known = {v.name: float(v.start) for v in parameters if v.start is not None}
     return {"identified.ssv": parameter_values("identified", shown, known)} if known else {}
 
 

@@ -10,7 +10,7 @@ from pydantic import JsonValue
 
 from fmu_builder.fmi2 import Interface, Variable
 from fmu_builder.kernel import contact_of
-from fmu_builder.llmn_fmu.variables import conditions
+from fmu_builder.llmn_fmu.variables import OUT_OF_RANGE, conditions, region_limits
 from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
 _OFFSETS = {
@@ -78,14 +78,53 @@ def _range(parameter_set: ParameterSet) -> Iterator[str]:
         )
         for signal in (*parameter_set.inputs, *parameter_set.outputs)
     ]
+    region = parameter_set.trained_region
+    known = {} if region is None else region.derived_outputs
+    rows += [
+        (one.name, one.unit, _number(known[one.name][0]), "", _number(known[one.name][1]))
+        for one in parameter_set.derived_outputs
+        if one.name in known
+    ]
     yield _table(("signal", "unit", "smallest in training", "operating point", "largest in training"), rows)
     low, high = parameter_set.partition.range
     scheduling = parameter_set.partition.scheduling
     yield _paragraph(
         f"Range of {scheduling}: {_number(low)} to {_number(high)}. Beyond it the weights of the local models"
-        " stay as at the end of the range and a static map is continued in a straight line; in_range tells"
-        " when an input has left the trained range. Nothing is known about the accuracy there."
+        " stay as at the end of the range and a static map is continued in a straight line. Nothing is known"
+        " about the accuracy there."
     )
+    yield from _region(parameter_set)
+
+
+def _region(parameter_set: ParameterSet) -> Iterator[str]:
+    """What is watched, what is not, and what can be done about it."""
+    region, scheduling = parameter_set.trained_region, parameter_set.partition.scheduling
+    watched = ", ".join(("in its last tick the inputs lay in their limits", *region_limits(parameter_set)))
+    yield _paragraph(
+        f"in_range tells whether {watched}. Limits are the extremes of the training data, without a margin:"
+        " other data of the same kind leave them now and then by a little. Derived outputs are those at the"
+        " beginning of the tick, with its inputs. The first limit that is left goes to the log, once."
+    )
+    clamped = "with clamp inputs are held at their limits"
+    if region is not None:
+        clamped += (
+            f", {scheduling} follows no faster than in training, and derived outputs are worked out with"
+        )
+        clamped += f" what is left of {scheduling}"
+    yield _paragraph(
+        f"{OUT_OF_RANGE} says what an input outside does: with warn it acts as it is; {clamped}; with error"
+        " the call is refused, and the instance can be reset. Outputs are never limited. An input held over a"
+        " long communication step jumps, and the jump counts."
+    )
+    if region is None:
+        yield _paragraph(f"How fast {scheduling} moved in training is not known, nor at which frequencies.")
+    elif region.frequency_bands:
+        bands = region.frequency_bands.items()
+        yield _table(
+            ("input", "moved in training from, Hz", "to, Hz"),
+            [(name, f"{low:.3g}", f"{high:.3g}") for name, (low, high) in bands],
+        )
+        yield _paragraph("Frequencies are not watched: movement in other bands is extrapolation, too.")
 
 
 def _behaviour(parameter_set: ParameterSet) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 
 from fmu_builder.fmi2 import Interface, Variable
@@ -14,6 +15,9 @@ from fmu_builder.kernel import (
 )
 from fmu_builder.parameter_set import ParameterSet, StabilityProof
 
+OUT_OF_RANGE = "out_of_range"
+POLICIES = ("warn", "clamp", "error")
+"""Items of the parameter `OUT_OF_RANGE`, numbered from 1 as in c/llmn_options.c."""
 _KINDS = {
     "n4sid": "subspace-identified models",
     "surrogate": "surrogate models with physical parameters",
@@ -29,6 +33,8 @@ def interface(
     proof: StabilityProof | None = None,
 ) -> Interface:
     """Return the interface: inputs, outputs, derived outputs, validity_1..M, in_range, parameters, constants.
+
+    The last parameters are out_of_range and, of a network with a contact, unilateral.
 
     Where stability is proved under a condition (`conditions`), outside_certificate follows in_range.
 
@@ -62,6 +68,29 @@ def interface(
         default_step=parameter_set.sample_time,
         licence="program: MIT, see documentation/licenses; the model belongs to whoever identified it",
     )
+
+
+def identity(parameter_set: ParameterSet) -> str:
+    """Return the hash of what an FMU computes with, for its GUID: the model, and where it was trained.
+
+    The region stands outside the model hash, which is what networks are compared by; an FMU watches it.
+    """
+    region, found = parameter_set.trained_region, parameter_set.model_hash()
+    if region is None:
+        return found
+    return hashlib.sha256(f"{found} {region.model_dump_json()}".encode()).hexdigest()
+
+
+def region_limits(parameter_set: ParameterSet) -> tuple[str, ...]:
+    """Return the limits that in_range watches beside those of the inputs, in words; empty: none are known."""
+    region = parameter_set.trained_region
+    if region is None:
+        return ()
+    scheduling = parameter_set.inputs[parameter_set.scheduling_index]
+    units = {one.name: one.unit for one in parameter_set.derived_outputs}
+    rate = f"{scheduling.name} moved by at most {region.rate:.6g} {scheduling.unit}/s"
+    spans = region.derived_outputs.items()
+    return (rate, *(f"{name} was in {low:.6g} .. {high:.6g} {units[name]}" for name, (low, high) in spans))
 
 
 def conditions(parameter_set: ParameterSet, proof: StabilityProof | None) -> tuple[str, ...]:
@@ -133,7 +162,12 @@ def _variables(parameter_set: ParameterSet, proof: StabilityProof | None) -> Ite
         "in_range",
         type="Boolean",
         causality="output",
-        description="Whether the inputs of the last tick lie in the trained range",
+        description=", ".join(
+            (
+                "Whether the inputs of the last tick lie in the trained range",
+                *region_limits(parameter_set),
+            )
+        ),
     )
     if broken := conditions(parameter_set, proof):
         yield Variable(
@@ -144,6 +178,15 @@ def _variables(parameter_set: ParameterSet, proof: StabilityProof | None) -> Ite
         )
     parameters = tuple(_parameters(parameter_set))
     yield from parameters
+    yield Variable(
+        OUT_OF_RANGE,
+        type="Enumeration",
+        causality="parameter",
+        description="What an input outside its trained limits does: it acts as it is with a warning, is held"
+        " at the limit, or makes the call an error",
+        start=1,
+        enumeration=POLICIES,
+    )
     if contact_of(parameter_set) is not None:
         yield Variable(
             "unilateral",

@@ -83,7 +83,7 @@ def _names(parts: Parts) -> Iterator[Problem]:
     name = parts.read.get("name")
     if name is not None:
         yield from _identifier(name, "name")
-    taken = dict.fromkeys(("in_range", "outside_certificate"), "the network itself")
+    taken = dict.fromkeys(("in_range", "out_of_range", "outside_certificate"), "the network itself")
     for number in range(1, (parts.count("local_models") or 0) + 1):
         taken[f"validity_{number}"] = "the network itself"
     for field in ("inputs", "outputs", "derived_outputs"):

@@ -13,7 +13,7 @@ from fmu_builder.compiler import TARGETS
 from fmu_builder.errors import BuildError, Problem
 from fmu_builder.files import written_atomically
 from fmu_builder.fmi2 import Interface, index_page, licence_page, model_description, write_archive
-from fmu_builder.llmn_fmu import interface
+from fmu_builder.llmn_fmu import identity, interface
 from fmu_builder.parameter_set import ParameterSet
 
 PLATFORMS = ("linux64", "win64")
@@ -84,7 +84,7 @@ def build_python_fmu(
     module = f"{shown.model_identifier}_slave"
     network = f"{shown.model_identifier}_network"
     embedded = {path.name: path.read_bytes() for path in sorted(package.glob("*.py"))}
-    computed_with = hashlib.sha256((parameter_set.model_hash() + arithmetic + slave).encode("utf-8"))
+    computed_with = hashlib.sha256((identity(parameter_set) + arithmetic + slave).encode("utf-8"))
     entries = {
         "modelDescription.xml": _description(shown, computed_with.hexdigest()).encode("utf-8"),
         "documentation/index.html": index_page(shown).encode("utf-8"),

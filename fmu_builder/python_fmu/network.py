@@ -42,7 +42,8 @@ class Network:
     Attributes:
         x: States [K, n].
         validity: [M], at the last tick.
-        in_range: Whether the inputs of the last tick lie in the trained range.
+        in_range: Whether the last tick lay in the trained region: its inputs, how far the scheduling input
+            had moved, and the derived outputs of the state and these inputs.
     """
 
     def __init__(self, content: dict[str, Any]) -> None:
@@ -60,6 +61,12 @@ class Network:
         self.minimum = np.array([signal["minimum"] for signal in inputs])
         self.maximum = np.array([signal["maximum"] for signal in inputs])
         self.s = self.input_names.index(partition["scheduling"])
+        region = content.get("trained_region")  # of format 3
+        self.trained_move = math.inf if region is None else region["rate"] * self.sample_time
+        spans = {} if region is None else region["derived_outputs"]
+        everything = (-math.inf, math.inf)
+        limits = np.array([spans.get(one["name"], everything) for one in self.derived]).reshape(-1, 2)
+        self.derived_minimum, self.derived_maximum = limits.T
 
         self.nodes = None if table is None else np.array(table["positions"])
         self.node_validity = None if table is None else np.array(table["weights"])
@@ -92,7 +99,6 @@ class Network:
             numpy.linalg.LinAlgError: There is none.
         """
         self.low_pass = self.height = float(u[self.s])
-        self.in_range = self._inside(u)
         self.deviation = 0.0
         for _ in range(_START_PASSES if self.kappa else 1):
             before = self.deviation
@@ -106,9 +112,11 @@ class Network:
                 break
         if self.kind == "scheduled_equilibrium":
             self.g_before = self._blended("g")
+        self.in_range = self._inside(u)
 
     def tick(self, u: Array) -> None:
         """Go from t_n to t_n+1 with the inputs u [m] in force at t_n."""
+        self.in_range = self._inside(u)
         change, self.height = float(u[self.s]) - self.height, float(u[self.s])
         if self.kind == "low_pass":
             filtered = self.low_pass + self.low_pass_gain * (self.height - self.low_pass)
@@ -116,7 +124,6 @@ class Network:
             self._schedule(self.low_pass)
         else:
             self._schedule(self.height + self.kappa * self.deviation)
-        self.in_range = self._inside(u)
         if self.kind == "scheduled_equilibrium":  # x counts from a rest that moves by g per unit of height
             g = self._blended("g")
             self.x = self.x - 0.5 * (g + self.g_before) * change
@@ -143,7 +150,10 @@ class Network:
     def _inside(self, u: Array) -> bool:
         low, high = self.partition["range"]
         trained = bool(np.all((self.minimum <= u) & (u <= self.maximum)))
-        return trained and low <= float(u[self.s]) <= high
+        slow = abs(float(u[self.s]) - self.height) <= self.trained_move
+        forces = self.outputs(u)[len(self.y_op) :]
+        known = bool(np.all((self.derived_minimum <= forces) & (forces <= self.derived_maximum)))
+        return trained and low <= float(u[self.s]) <= high and slow and known
 
     def _schedule(self, place: float) -> None:
         """Set the validities, and which models are blended with which weights."""

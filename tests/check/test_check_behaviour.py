@@ -17,7 +17,7 @@ ENDLESS = "    volatile int on = 1;\n    while (on) {\n    }\n"
 BEGIN = "    const double begin = slave_position(slave, time);\n"
 OUTPUTS = "    model_outputs(&slave->model, slave->values);\n"
 WHILE_DUE = "    while (slave_tick_is_due(slave, end)) {\n"
-ONE_MORE = "    if (begin <= 0.0) { (void)model_tick(&slave->model, slave->latched, message); }\n"
+ONE_MORE = "    if (begin <= 0.0) { (void)model_tick(&slave->model, time, slave->latched, message); }\n"
 SHARED = "    static double last;\n    model->state[0] = first + 1e-3 * (last - first);\n    last = first;\n"
 POINTER = "    *(fmi2FMUstate *)(void *)serializedState = FMUstate;\n"
 FROM_POINTER = (

@@ -148,7 +148,7 @@ def test_between_ticks_outputs_hold_but_follow_the_input_set_last(new_slave: Cal
 FAULTS = {
     "one tick too many at the start": (
         "    while (slave_tick_is_due(slave, end)) {\n",
-        "    if (begin <= 0.0) { (void)model_tick(&slave->model, slave->latched, message); }\n"
+        "    if (begin <= 0.0) { (void)model_tick(&slave->model, time, slave->latched, message); }\n"
         "    while (slave_tick_is_due(slave, end)) {\n",
     ),
     "two ticks for one": ("    ++slave->tick;\n", "    slave->tick += 2;\n"),

@@ -47,12 +47,11 @@ def test_rate_and_force_are_the_extremes_of_all_data() -> None:
     assert found.frequency_bands == {}  # three rows tell no frequencies
 
 
-def test_a_recorded_force_counts_before_one_worked_out() -> None:
-    data = data_of([1.0, 1.0, 1.0], [1.0, 1.1, 1.2], F_p=[30.0, 80.0, 20.0])
-    found = trained_region([data], ("eta",), "eta", TICK, [FORCE])
-    assert found is not None
-    assert found.derived_outputs == {"F_p": (20.0, 80.0)}
-    assert found.rate == 0.0
+def test_a_column_the_network_does_not_have_is_not_looked_at() -> None:
+    eta, xi = [1.0, 1.0, 1.0], [1.0, 1.1, 1.2]
+    found = trained_region([data_of(eta, xi, F_p=[30.0, 8e9, -20.0])], ("eta",), "eta", TICK, [FORCE])
+    assert found == trained_region([data_of(eta, xi)], ("eta",), "eta", TICK, [FORCE])
+    assert found is not None and found.rate == 0.0
 
 
 def test_without_data_nothing_is_known() -> None:

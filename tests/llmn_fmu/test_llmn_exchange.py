@@ -99,6 +99,7 @@ def test_outputs_that_hold_between_ticks_are_discrete() -> None:
     assert variables == {
         **dict.fromkeys(("u_0", "u_1", "u_2", "force"), "continuous"),
         **dict.fromkeys(("y_0", "y_1", "y_2", "sum", "in_range"), "discrete"),
+        "out_of_range": "fixed",
         **{f"validity_{number}": "discrete" for number in range(1, 5)},
         **dict.fromkeys(("stiffness", "one", "two"), "constant"),
     }

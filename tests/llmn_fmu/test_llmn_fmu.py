@@ -112,7 +112,13 @@ def test_variables_stand_in_order_with_start_limits_and_units(fmu: Path) -> None
     names = [variable.name for variable in description.modelVariables]
     expected = ["u_0", "u_1", "u_2", "y_0", "y_1", "y_2", "force", "sum"]
     constants = ["stiffness", "one", "two"]
-    assert names == [*expected, *(f"validity_{i}" for i in range(1, 5)), "in_range", *constants]
+    assert names == [
+        *expected,
+        *(f"validity_{i}" for i in range(1, 5)),
+        "in_range",
+        "out_of_range",
+        *constants,
+    ]
     last = description.modelVariables[-1]
     assert (last.causality, last.variability, last.initial, last.start) == (
         "local",

@@ -217,10 +217,14 @@ def test_what_was_refused_does_not_use_up_a_warning_that_is_given_once(springy: 
     slave = at_start(springy.new(), np.array(START))
     assert springy.set(slave, eta=9.0, theta_k_W_1=-1e7) == ERROR
     assert [status for status, *_ in slave.log] == [ERROR]
+    assert slave.step(0.0, 1e-3) == OK
+    assert [status for status, *_ in slave.log] == [ERROR]
     assert springy.set(slave, eta=9.0) == OK
+    assert slave.step(1e-3, 1e-3) == OK
     assert [status for status, *_ in slave.log] == [ERROR, WARNING]
     assert "eta = 9 is outside" in slave.log[-1][2]
     assert springy.set(slave, eta=9.5) == OK
+    assert slave.step(2e-3, 1e-3) == OK
     assert len(slave.log) == 2
 
 
@@ -296,6 +300,7 @@ def test_parameters_stand_behind_the_outputs_with_units_and_limits(fmu: Opened) 
     assert listed == [
         "k_E",
         *theta,
+        "out_of_range",
         "unilateral",
         *(["k_C", "c_C"] if listed[-1] == "c_C" else ["c_C", "k_C"]),
     ]
@@ -320,7 +325,7 @@ def test_parameters_stand_behind_the_outputs_with_units_and_limits(fmu: Opened) 
 def test_without_its_theta_a_surrogate_has_constants_only() -> None:
     network = theta_network().replaced(surrogate=None)
     given = [v.name for v in interface(network).variables if v.causality == "parameter"]
-    assert given == ["unilateral"]
+    assert given == ["out_of_range", "unilateral"]
     known = {v.name: v.start for v in interface(network).variables if v.variability == "constant"}
     assert known == {name: HEAD[name] for name in ("k_C", "c_C", "k_E")}
     card = model_card(network, interface(network))

@@ -144,6 +144,7 @@ FMI2_Export COLD fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     if (slave_start(&instance->slave, &message) != 0) {
         return instance_error(instance, &message, "");
     }
+    instance_ticked(instance);
     message_append(&message, "initialised, tick of the model ");
     message_append_number(&message, instance->slave.sample_time);
     message_append(&message, " s");

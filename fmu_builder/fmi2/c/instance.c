@@ -14,7 +14,7 @@ typedef struct {
     unsigned char warned[VARIABLE_COUNT];
     unsigned char warned_of_events;
     unsigned char warned_of_parameters;
-    unsigned char warned_of_ticks;
+    unsigned warned_of_ticks; /* bits of model_alarms */
     /* Room to work in for one call: frames on the stack stay below a page, because Windows asks a library to probe larger
        ones, and how large these are depends on the model. */
     double before[VARIABLE_COUNT], direction[VARIABLE_COUNT], change[VARIABLE_COUNT];
@@ -209,19 +209,6 @@ static int is_outside(fmi2ValueReference vr, double value)
     return value < variable_minimum[vr] || value > variable_maximum[vr];
 }
 
-/** message + "NAME = value is outside [minimum, maximum]" */
-static COLD void message_append_outside(Message *message, fmi2ValueReference vr, double value)
-{
-    message_append(message, variable_name(vr));
-    message_append(message, " = ");
-    message_append_number(message, value);
-    message_append(message, " is outside [");
-    message_append_number(message, variable_minimum[vr]);
-    message_append(message, ", ");
-    message_append_number(message, variable_maximum[vr]);
-    message_append(message, "]");
-}
-
 /** whether variable vr may take this value now; otherwise an error message has been logged */
 static int instance_accepts(const Instance *instance, fmi2ValueReference vr, double value, Message *message)
 {
@@ -242,7 +229,7 @@ static int instance_accepts(const Instance *instance, fmi2ValueReference vr, dou
         message_append(message, variable_name(vr));
         message_append(message, " must be a finite number");
     } else if (is_parameter && is_outside(vr, value)) {
-        message_append_outside(message, vr, value);
+        message_append_outside(message, variable_name(vr), value, variable_minimum[vr], variable_maximum[vr]);
     } else {
         return 1;
     }
@@ -254,12 +241,12 @@ static int instance_accepts(const Instance *instance, fmi2ValueReference vr, dou
 static void instance_report(Instance *instance, fmi2ValueReference vr, double value)
 {
     Message message;
-    if (!is_outside(vr, value) || instance->warned[vr]) {
+    if (MODEL_WATCHES_INPUTS || !is_outside(vr, value) || instance->warned[vr]) {
         return;
     }
     instance->warned[vr] = 1;
     message_clear(&message);
-    message_append_outside(&message, vr, value);
+    message_append_outside(&message, variable_name(vr), value, variable_minimum[vr], variable_maximum[vr]);
     message_append(&message, ": the model extrapolates (reported once)");
     (void)instance_warn(instance, &message);
 }
@@ -296,16 +283,26 @@ static COLD fmi2Status instance_parameters_set(Instance *instance)
     return instance_warn(instance, &message);
 }
 
-/** after ticks: what they give rise to is logged once; the step itself was done as asked */
+/** log what the model has to tell, each thing once */
+static COLD void instance_tell(Instance *instance, unsigned alarms)
+{
+    Message message;
+    instance->warned_of_ticks |= alarms;
+    for (unsigned alarm = 1; alarms != 0; alarm *= 2) {
+        if ((alarms & alarm) != 0) {
+            message_clear(&message);
+            model_tell(&instance->slave.model, alarm, &message);
+            (void)instance_log(instance, fmi2Warning, &message);
+        }
+        alarms &= ~alarm;
+    }
+}
+
+/** after the start and after ticks: what they give rise to is logged once; the call itself was served */
 static void instance_ticked(Instance *instance)
 {
-    const char *alarm = model_alarm(&instance->slave.model);
-    Message message;
-    if (alarm == NULL || instance->warned_of_ticks) {
-        return;
+    const unsigned alarms = model_alarms(&instance->slave.model) & ~instance->warned_of_ticks;
+    if (alarms != 0) {
+        instance_tell(instance, alarms);
     }
-    instance->warned_of_ticks = 1;
-    message_clear(&message);
-    message_append(&message, alarm);
-    (void)instance_log(instance, fmi2Warning, &message);
 }

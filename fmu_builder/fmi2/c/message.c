@@ -140,3 +140,16 @@ static COLD void message_append_number(Message *message, double value)
     }
     message_append_digits(message, digits, exponent);
 }
+
+/** message + "NAME = value is outside [minimum, maximum]" */
+static COLD void message_append_outside(Message *message, const char *name, double value, double minimum, double maximum)
+{
+    message_append(message, name);
+    message_append(message, " = ");
+    message_append_number(message, value);
+    message_append(message, " is outside [");
+    message_append_number(message, minimum);
+    message_append(message, ", ");
+    message_append_number(message, maximum);
+    message_append(message, "]");
+}

@@ -27,17 +27,24 @@ static int model_retune(Model *model, const double *values, Message *message);
 /** NULL, or what is to be said once when somebody has given parameters these values[] */
 static const char *model_remark(const double *values);
 
-/** NULL, or what is to be said once, as a warning, about what ticks did; asked after every step, so it stays */
-static const char *model_alarm(const Model *model);
+/* MODEL_WATCHES_INPUTS, a constant of the model: 1 when model_alarms tells of inputs outside their limits, which the slave
+   then does not. */
+
+/** one bit for each thing that is to be said once, as a warning, about the start and the ticks; asked after every step, so
+    they stay */
+static unsigned model_alarms(const Model *model);
+
+/** message + what is to be said about one bit of model_alarms */
+static void model_tell(const Model *model, unsigned alarm, Message *message);
 
 /** the tick T_s, s: positive and constant after model_set_parameters */
 static double model_sample_time(const Model *model);
 
-/** steady state of the inputs */
-static int model_initialise(Model *model, const double *inputs, Message *message);
+/** steady state of the inputs; time is the start, s */
+static int model_initialise(Model *model, double time, const double *inputs, Message *message);
 
-/** t_n -> t_n+1 with the inputs in force at t_n */
-static int model_tick(Model *model, const double *inputs, Message *message);
+/** t_n -> t_n+1 with the inputs in force at t_n = time, s */
+static int model_tick(Model *model, double time, const double *inputs, Message *message);
 
 /** outputs and locals in values[] from the state and from the inputs and parameters that stand in values[] */
 static void model_outputs(const Model *model, double *values);

@@ -109,7 +109,7 @@ static int slave_prepare_model(Slave *slave, Message *message)
         message_append(message, "the sample time is not a positive number");
         return 1;
     }
-    if (model_initialise(&slave->model, slave->values, message) != 0) {
+    if (model_initialise(&slave->model, slave->start_time, slave->values, message) != 0) {
         return 1;
     }
     slave->model_ready = 1;
@@ -221,10 +221,11 @@ static int slave_check_step(const Slave *slave, double time, double step, Messag
 /** t_n -> t_n+1 with the latched inputs */
 static int slave_tick(Slave *slave, Message *message)
 {
+    const double time = slave->start_time + (double)slave->tick * slave->sample_time;
     slave->outputs_ready = 0;
-    if (model_tick(&slave->model, slave->latched, message) != 0) {
+    if (model_tick(&slave->model, time, slave->latched, message) != 0) {
         slave->mode = MODE_FAILED;
-        slave->time = slave->start_time + (double)slave->tick * slave->sample_time;
+        slave->time = time;
         return 1;
     }
     ++slave->tick;

@@ -9,12 +9,24 @@
 
 EXPORTED int llmn_state_size(const Tables *tables) { return kernel_state_size(tables); }
 
-EXPORTED int llmn_start(const Tables *tables, double *state, const double *inputs) {
-    return kernel_start(tables, state, inputs);
+/* whether the inputs, as they are, keep the trained region; limits nothing */
+static int llmn_watch(const Tables *tables, double *state, const double *inputs) {
+    double value;
+    int left = kernel_left(tables, state, inputs, inputs, &value);
+    kernel_remember(tables, state, left, inputs[tables->scheduling]);
+    return left;
 }
 
-EXPORTED void llmn_tick(const Tables *tables, double *state, const double *inputs) {
+EXPORTED int llmn_start(const Tables *tables, double *state, const double *inputs) {
+    int failed = kernel_start(tables, state, inputs);
+    (void)llmn_watch(tables, state, inputs);
+    return failed;
+}
+
+EXPORTED int llmn_tick(const Tables *tables, double *state, const double *inputs) {
+    int left = llmn_watch(tables, state, inputs);
     kernel_tick(tables, state, inputs);
+    return left;
 }
 
 EXPORTED void llmn_outputs(const Tables *tables, const double *state, const double *inputs, double *values) {

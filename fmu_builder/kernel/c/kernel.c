@@ -6,7 +6,7 @@
 static inline int kernel_state_size(const Tables *t) {
     int local_states = FIXED(t, blending) == BLENDING_OUTPUT ? FIXED(t, local_models) * FIXED(t, states) : FIXED(t, states);
     int wide = FIXED(t, states) > FIXED(t, outputs) ? FIXED(t, states) : FIXED(t, outputs);
-    return local_states + FIXED(t, local_models) + FIXED(t, outputs) + FIXED(t, inputs) * FIXED(t, outputs) + FIXED(t, states) + 6 /* carried */
+    return local_states + FIXED(t, local_models) + FIXED(t, outputs) + FIXED(t, inputs) * FIXED(t, outputs) + FIXED(t, states) + 7 /* carried */
            + 2 + 2 * FIXED(t, inputs) + 3 * FIXED(t, states) + wide + FIXED(t, states) * FIXED(t, states); /* scratch */
 }
 
@@ -22,7 +22,8 @@ static inline KernelView kernel_view(const Tables *t, double *state) {
     v.low_pass = v.scheduling_held + 1;
     v.deviation_held = v.low_pass + 1;
     v.in_range = v.deviation_held + 1;
-    v.position = v.in_range + 1;
+    v.scheduling_given = v.in_range + 1;
+    v.position = v.scheduling_given + 1;
     v.outside = v.position + 1;
     v.pair = v.outside + 1;
     v.deviation = v.pair + 2;
@@ -276,17 +277,6 @@ static inline void kernel_rebase(const Tables *t, const KernelView *v, const Ker
     }
 }
 
-/* 1.0 when every input lies in [minimum, maximum] of training and the scheduling input in the range */
-static inline double kernel_in_range(const Tables *t, const double *inputs) {
-    double s = inputs[FIXED(t, scheduling)];
-    int inside = s >= FIXED(t, range_low) && s <= FIXED(t, range_high);
-    int j;
-    for (j = 0; j < FIXED(t, inputs); ++j) {
-        inside = inside && inputs[j] >= t->input_minimum[j] && inputs[j] <= t->input_maximum[j];
-    }
-    return inside ? 1.0 : 0.0;
-}
-
 /* outside = 1 when r has moved from `before` further than is certified */
 static inline void kernel_watch_move(const Tables *t, const KernelView *v, double before) {
     double move = v->position[0] - before, most = FIXED(t, certified_move);
@@ -305,32 +295,40 @@ static inline void kernel_tick(const Tables *t, double *state, const double *inp
     }
     blend = kernel_schedule(t, &v, FIXED(t, offsets) == OFFSETS_LOW_PASS ? v.low_pass[0] : kernel_scheduling(t, &v, s));
     v.scheduling_held[0] = s;
-    v.in_range[0] = kernel_in_range(t, inputs);
     kernel_watch_move(t, &v, before);
     if (FIXED(t, offsets) == OFFSETS_SCHEDULED_EQUILIBRIUM) kernel_rebase(t, &v, &blend, change);
     kernel_advance(t, &v, &blend, inputs);
     kernel_hold(t, &v, &blend);
 }
 
+/* The p outputs, from the state and the inputs set last. */
+static inline void kernel_present(const Tables *t, const KernelView *v, const double *inputs, double *restrict values) {
+    int i, j;
+    for (i = 0; i < FIXED(t, outputs); ++i) values[i] = v->held[i];
+    for (j = 0; j < FIXED(t, inputs) && FIXED(t, feedthrough); ++j) {
+        int filtered = FIXED(t, offsets) == OFFSETS_LOW_PASS && j == FIXED(t, scheduling);
+        double deviation = inputs[j] - (filtered ? v->low_pass[0] : t->input_operating_point[j]);
+        kernel_multiply(v->feedthrough + j * FIXED(t, outputs), FIXED(t, outputs), 1, &deviation, values);
+    }
+}
+
+/* Derived output i from the p outputs and the inputs. */
+static inline double kernel_derived(const Tables *t, int i, const double *outputs, const double *inputs) {
+    double sum = 0.0;
+    int term;
+    for (term = i > 0 ? t->term_ends[i - 1] : 0; term < t->term_ends[i]; ++term) {
+        int signal = t->term_signals[term];
+        sum += t->term_coefficients[term] * (signal < FIXED(t, outputs) ? outputs[signal] : inputs[signal - FIXED(t, outputs)]);
+    }
+    return sum;
+}
+
 /* The p outputs and then the R derived outputs, from the state and the inputs set last. Writes nothing to the state. */
 static inline void kernel_outputs(const Tables *t, const double *state, const double *inputs, double *restrict values) {
     KernelView v = kernel_view(t, (double *)state);
-    int i, j, term = 0;
-    for (i = 0; i < FIXED(t, outputs); ++i) values[i] = v.held[i];
-    for (j = 0; j < FIXED(t, inputs) && FIXED(t, feedthrough); ++j) {
-        int filtered = FIXED(t, offsets) == OFFSETS_LOW_PASS && j == FIXED(t, scheduling);
-        double deviation = inputs[j] - (filtered ? v.low_pass[0] : t->input_operating_point[j]);
-        kernel_multiply(v.feedthrough + j * FIXED(t, outputs), FIXED(t, outputs), 1, &deviation, values);
-    }
-    for (i = 0; i < FIXED(t, derived); ++i) {
-        double sum = 0.0;
-        for (; term < t->term_ends[i]; ++term) {
-            int signal = t->term_signals[term];
-            double value = signal < FIXED(t, outputs) ? values[signal] : inputs[signal - FIXED(t, outputs)];
-            sum += t->term_coefficients[term] * value;
-        }
-        values[FIXED(t, outputs) + i] = sum;
-    }
+    int i;
+    kernel_present(t, &v, inputs, values);
+    for (i = 0; i < FIXED(t, derived); ++i) values[FIXED(t, outputs) + i] = kernel_derived(t, i, values, inputs);
 }
 
 /* The exact partial derivative of output i (derived ones counted behind) by input j. */
@@ -349,4 +347,5 @@ static inline double kernel_feedthrough(const Tables *t, const double *state, in
     return sum;
 }
 
+#include "region.c"
 #include "start.c"

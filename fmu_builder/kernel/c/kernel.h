@@ -40,7 +40,7 @@
    Small numbers: at a tick, states, l and Gaussian weights below KERNEL_SMALLEST in size become zero, so that a model at
    rest computes as fast as a model in motion: there are no denormal numbers in it, and products with them stay normal.
 
-   A contact that can open gives these equations other inputs: contact.c.
+   A contact that can open gives these equations other inputs: contact.c. Where they were trained: region.c.
 
    Order: sums run over the index, matrices are applied model by model and then weighted: sum_a w_a (A_a x + B_a u). */
 
@@ -76,6 +76,7 @@ typedef struct {
     int scheduling;            /* index of the scheduling input */
     int feedthrough;           /* 1 = some D is not zero */
     int deviation_output;      /* j: the output whose deviation also schedules */
+    int watched;               /* 1 = some derived output has trained limits */
     double range_low;          /* ends of the range, unit of the scheduling input */
     double range_high;
     double range_middle;
@@ -84,6 +85,7 @@ typedef struct {
     double map_scale;          /* (L - 1) / width */
     double deviation_gain;     /* kappa; 0 = only the scheduling input schedules */
     double certified_move;     /* d; 0 = no certificate that depends on how far r moves */
+    double trained_move;       /* furthest that s has moved in a tick of training; the largest number where nobody knows */
     const double *log_weights;             /* [M][3]: constant, slope, curvature */
     const double *node_positions;          /* [K] */
     const double *node_weights;            /* [K][M] */
@@ -99,8 +101,10 @@ typedef struct {
     const double *y0;                      /* [models][p] */
     const double *input_operating_point;   /* [m] */
     const double *output_operating_point;  /* [p] */
-    const double *input_minimum;           /* [m] seen in training */
+    const double *input_minimum;           /* [m] seen in training; of s within the range */
     const double *input_maximum;           /* [m] */
+    const double *derived_minimum;         /* [R] seen in training, the largest numbers where nobody knows; null if not watched */
+    const double *derived_maximum;         /* [R] */
     const double *term_coefficients;       /* [terms] sign * parameter, all derived outputs one after the other */
     const int *term_signals;               /* [terms] 0..p-1 outputs, p..p+m-1 inputs */
     const int *term_ends;                  /* [R] one past the last term of each derived output */
@@ -116,7 +120,8 @@ typedef struct {
     double *scheduling_held;   /* [1] scheduling input of the last tick */
     double *low_pass;          /* [1] l */
     double *deviation_held;    /* [1] (C x)_j of the last tick; 0 without kappa */
-    double *in_range;          /* [1] 1.0 when the inputs of the last tick lie in the trained range, else 0.0 */
+    double *in_range;          /* [1] 1.0 when the last tick lay in the trained region (region.c), else 0.0 */
+    double *scheduling_given;  /* [1] scheduling input of the last tick before a contact acts on it (region.c) */
     double *position;          /* [1] r of the last tick */
     double *outside;           /* [1] 1.0 when a tick has moved r further than is certified, else 0.0 */
     double *pair, *deviation, *x0, *u0, *shift, *product, *next, *matrix;

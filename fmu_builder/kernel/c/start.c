@@ -45,7 +45,8 @@ RARE int kernel_start(const Tables *t, double *state, const double *inputs) {
     for (i = 0; i < kernel_state_size(t); ++i) state[i] = 0.0;
     v.low_pass[0] = inputs[FIXED(t, scheduling)];
     v.scheduling_held[0] = inputs[FIXED(t, scheduling)];
-    v.in_range[0] = kernel_in_range(t, inputs);
+    v.scheduling_given[0] = inputs[FIXED(t, scheduling)];
+    v.in_range[0] = 1.0;
     failed = kernel_settled(t, &v, state, inputs);
     if (FIXED(t, deviation_gain) == 0.0) return failed;
     for (pass = 1; pass < KERNEL_START_PASSES && !failed; ++pass) {

@@ -15,7 +15,7 @@ enum {
 
 typedef struct {
     double state[TABLES_STATE_SIZE];
-    double unilateral; /* 1.0: the pan-head may leave the wire */
+    Options options;
     double made; /* 1.0: the nodes are */
     double nodes[NODE_NUMBERS];
 } Model;
@@ -38,7 +38,7 @@ static inline const Tables *model_network(const Model *model, Tables *own)
 static COLD int model_set_parameters(Model *model, const double *values, Message *message)
 {
     (void)message;
-    model->unilateral = CONTACT_SWITCH >= 0 ? values[CONTACT_SWITCH] : 0.0;
+    options_set(&model->options, values);
     if (model->made != 0.0) {
         return 0;
     }

@@ -2,7 +2,7 @@
 
 typedef struct {
     double state[TABLES_STATE_SIZE];
-    double unilateral; /* 1.0: the pan-head may leave the wire */
+    Options options;
 } Model;
 
 /** the tables the model computes with; *own is room for them if they are not the constants */
@@ -16,6 +16,6 @@ static inline const Tables *model_network(const Model *model, Tables *own)
 static int model_set_parameters(Model *model, const double *values, Message *message)
 {
     (void)message;
-    model->unilateral = CONTACT_SWITCH >= 0 ? values[CONTACT_SWITCH] : 0.0;
+    options_set(&model->options, values);
     return 0;
 }

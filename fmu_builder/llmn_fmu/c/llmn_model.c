@@ -1,14 +1,16 @@
 /* The kernel as a model of the slave (model.h). Variables stand in this order: inputs, outputs, derived outputs,
    validity_1..M, in_range, outside_certificate if stability is certified under a condition, parameters. The sizes are constants
    here, so that the compiler unrolls what the tables need.
-   Model, its parameters and where its tables are: llmn_fixed.c, llmn_blended.c or llmn_theta.c. */
+   Model, its parameters and where its tables are: llmn_fixed.c, llmn_blended.c or llmn_theta.c.
+
+   Inputs go through two doors: limits, where the importer wants them kept (region.c), then the contact (contact.c). */
 
 enum {
-    LLMN_FIRST_OUTPUT = TABLES_INPUTS,
     LLMN_FIRST_VALIDITY = LLMN_FIRST_OUTPUT + TABLES_OUTPUTS + TABLES_DERIVED,
     LLMN_IN_RANGE = LLMN_FIRST_VALIDITY + TABLES_LOCAL_MODELS,
     LLMN_OUTSIDE_CERTIFICATE = LLMN_IN_RANGE + 1,
-    MODEL_WORK = 2 * TABLES_STATE_SIZE
+    MODEL_WORK = 2 * TABLES_STATE_SIZE,
+    MODEL_WATCHES_INPUTS = 1
 };
 
 static double model_sample_time(const Model *model)
@@ -30,42 +32,79 @@ static int model_check(const Model *model, Message *message)
     return 0;
 }
 
-/** the inputs that act on what comes in `ahead` seconds: those given, or with the pan-head in the place of the wire it has
+/** the inputs after the first door: those given, or limited; limited[] is room for them */
+static const double *model_limited(const Model *model, const double *given, double *limited)
+{
+    if (model->options.policy != POLICY_CLAMP) {
+        return given;
+    }
+    kernel_followed(&tables, model->state, given, limited);
+    return limited;
+}
+
+/** after the second door, those that act on what comes in `ahead` seconds: with the pan-head in the place of the wire it has
     left; acting[] is room for them */
 static const double *model_acting(const Model *model, const double *inputs, double ahead, double *acting)
 {
-    if (CONTACT_SWITCH < 0 || model->unilateral == 0.0) {
+    if (CONTACT_SWITCH < 0 || model->options.unilateral == 0.0) {
         return inputs;
     }
     kernel_acting(&tables, &contact, model->state, ahead, inputs, acting);
     return acting;
 }
 
-/** steady state of the inputs */
-static COLD int model_initialise(Model *model, const double *inputs, Message *message)
+/** whether the pan-head is off the wire that limited inputs hold */
+static int model_is_off(const Model *model, const double *inputs)
 {
+    return CONTACT_SWITCH >= 0 && model->options.unilateral != 0.0 &&
+           kernel_is_off(&tables, &contact, model->state, inputs);
+}
+
+/** steady state of the inputs */
+static COLD int model_initialise(Model *model, double time, const double *given, Message *message)
+{
+    double limited[TABLES_INPUTS], value;
+    const double *inputs = given;
+    int left;
     Tables own;
-    if (kernel_start(model_network(model, &own), model->state, inputs) != 0) {
+    const Tables *network = model_network(model, &own);
+    options_forget(&model->options);
+    if (model->options.policy == POLICY_CLAMP) {
+        kernel_limited(&tables, given, limited);
+        inputs = limited;
+    }
+    if (kernel_start(network, model->state, inputs) != 0) {
         message_append(message, "the model has no steady state for the start inputs: an eigenvalue of A is 1");
         return 1;
     }
-    if (CONTACT_SWITCH >= 0 && model->unilateral != 0.0 && kernel_is_off(&tables, &contact, model->state, inputs)) {
+    if (model_is_off(model, inputs)) {
         message_append(message, "at rest the pan-head would not be on the wire at ");
         message_append_number(message, inputs[TABLES_SCHEDULING]);
         message_append(message, ", which a unilateral contact cannot hold; start with a larger torque");
         return 1;
     }
+    left = kernel_left(network, model->state, given, inputs, &value);
+    if (left != REGION_KEPT && region_leave(&model->options, left, value, time, message)) {
+        return 1;
+    }
+    kernel_remember(&tables, model->state, left, inputs[TABLES_SCHEDULING]);
     return model_check(model, message);
 }
 
-static int model_tick(Model *model, const double *inputs, Message *message)
+static int model_tick(Model *model, double time, const double *given, Message *message)
 {
-    const double *given = inputs;
-    double acting[TABLES_INPUTS];
+    double limited[TABLES_INPUTS], acting[TABLES_INPUTS], value;
+    const double *inputs = model_limited(model, given, limited), *last;
     Tables own;
-    inputs = model_acting(model, inputs, contact.half_tick, acting);
-    kernel_tick(model_network(model, &own), model->state, inputs);
-    if (TABLES_CERTIFIED && inputs[TABLES_SCHEDULING] != given[TABLES_SCHEDULING]) {
+    const Tables *network = model_network(model, &own);
+    const int left = kernel_left(network, model->state, given, model_acting(model, inputs, 0.0, acting), &value);
+    if (left != REGION_KEPT && region_leave(&model->options, left, value, time, message)) {
+        return 1;
+    }
+    kernel_remember(&tables, model->state, left, inputs[TABLES_SCHEDULING]);
+    last = model_acting(model, inputs, contact.half_tick, acting);
+    kernel_tick(network, model->state, last);
+    if (TABLES_CERTIFIED && last[TABLES_SCHEDULING] != inputs[TABLES_SCHEDULING]) {
         kernel_view(&tables, model->state).outside[0] = 1.0; /* the height follows the states: a loop nobody has proved */
     }
     return model_check(model, message);
@@ -74,10 +113,10 @@ static int model_tick(Model *model, const double *inputs, Message *message)
 static void model_outputs(const Model *model, double *values)
 {
     const KernelView view = kernel_view(&tables, (double *)model->state);
-    double acting[TABLES_INPUTS];
+    double limited[TABLES_INPUTS], acting[TABLES_INPUTS];
     Tables own;
-    kernel_outputs(model_network(model, &own), model->state, model_acting(model, values, 0.0, acting),
-                   values + LLMN_FIRST_OUTPUT);
+    kernel_outputs(model_network(model, &own), model->state,
+                   model_acting(model, model_limited(model, values, limited), 0.0, acting), values + LLMN_FIRST_OUTPUT);
     for (int i = 0; i < TABLES_LOCAL_MODELS; ++i) {
         values[LLMN_FIRST_VALIDITY + i] = view.weights[i];
     }
@@ -87,13 +126,21 @@ static void model_outputs(const Model *model, double *values)
     }
 }
 
-static const char *model_alarm(const Model *model)
+static unsigned model_alarms(const Model *model)
 {
     const KernelView view = kernel_view(&tables, (double *)model->state);
-    return TABLES_CERTIFIED && view.outside[0] != 0.0
-               ? "the scheduling variable has moved faster than stability is proved for, or the contact has opened (reported "
-                 "once)"
-               : 0;
+    return (TABLES_CERTIFIED && view.outside[0] != 0.0 ? ALARM_CERTIFICATE : 0u) |
+           (model->options.left != REGION_KEPT ? ALARM_REGION : 0u);
+}
+
+static COLD void model_tell(const Model *model, unsigned alarm, Message *message)
+{
+    if (alarm == ALARM_REGION) {
+        region_tell(&model->options, message);
+    } else {
+        message_append(message, "the scheduling variable has moved faster than stability is proved for, or the contact has "
+                                "opened (reported once)");
+    }
 }
 
 /** there are no continuous states: only the slave's common code speaks of them */
@@ -118,17 +165,19 @@ static void model_event_indicators(const Model *model, const double *values, dou
     (void)indicators;
 }
 
-/** exact: only feedthrough and the inputs in derived outputs act at once; a wire that the pan-head has left does not */
+/** exact: only feedthrough and the inputs in derived outputs act at once; neither an input that is limited nor a wire that
+    the pan-head has left does */
 static void model_directional_derivative(const Model *model, const double *values, const double *direction,
                                          double *change)
 {
+    double limited[TABLES_INPUTS];
+    const double *inputs = model_limited(model, values, limited);
     Tables own;
     const Tables *network = model_network(model, &own);
-    const int off = CONTACT_SWITCH >= 0 && model->unilateral != 0.0 &&
-                    kernel_is_off(&tables, &contact, model->state, values);
+    const int off = model_is_off(model, inputs);
     for (int i = 0; i < LLMN_FIRST_VALIDITY - LLMN_FIRST_OUTPUT; ++i) {
         for (int j = 0; j < TABLES_INPUTS; ++j) {
-            if (!(off && j == TABLES_SCHEDULING)) {
+            if (!(off && j == TABLES_SCHEDULING) && inputs[j] == values[j]) {
                 change[LLMN_FIRST_OUTPUT + i] += kernel_feedthrough(network, model->state, i, j) * direction[j];
             }
         }
@@ -138,10 +187,15 @@ static void model_directional_derivative(const Model *model, const double *value
 static COLD int model_start_derivative(const Model *model, const double *values, const double *direction,
                                        double *change, double *work, Message *message)
 {
+    double limited[TABLES_INPUTS], along[TABLES_INPUTS];
+    const double *inputs = model_limited(model, values, limited);
     Tables own;
-    if (kernel_start_tangent(model_network(model, &own), model->state, values, direction, work,
+    for (int j = 0; j < TABLES_INPUTS; ++j) {
+        along[j] = inputs[j] == values[j] ? direction[j] : 0.0;
+    }
+    if (kernel_start_tangent(model_network(model, &own), model->state, inputs, along, work,
                              work + TABLES_STATE_SIZE, change + LLMN_FIRST_OUTPUT) ||
-        model_add_parameter_tangent(model, values, direction, change, work)) {
+        model_add_parameter_tangent(model, inputs, values, direction, change, work)) {
         message_append(message, "the steady state has no derivative: an eigenvalue of A is 1");
         return 1;
     }

@@ -19,10 +19,11 @@ static const char *model_remark(const double *values)
 }
 
 /** change[] of what rests, along parameters; work[2 TABLES_STATE_SIZE] */
-static int model_add_parameter_tangent(const Model *model, const double *values, const double *direction,
-                                       double *change, double *work)
+static int model_add_parameter_tangent(const Model *model, const double *inputs, const double *values,
+                                       const double *direction, double *change, double *work)
 {
     (void)model;
+    (void)inputs;
     (void)values;
     (void)direction;
     (void)change;

@@ -11,7 +11,7 @@ enum {
 
 typedef struct {
     double state[TABLES_STATE_SIZE];
-    double unilateral;                  /* 1.0: the pan-head may leave the wire */
+    Options options;
     double parameters[LLMN_PARAMETERS]; /* what the model computes with */
     double changed;                     /* 1.0: they are not those identified */
     double made;                        /* 1.0: what follows is made of them */
@@ -81,7 +81,7 @@ static int model_set_parameters(Model *model, const double *values, Message *mes
         changed = changed || model->parameters[k] != values[LLMN_FIRST_PARAMETER + k];
         model->parameters[k] = values[LLMN_FIRST_PARAMETER + k];
     }
-    model->unilateral = CONTACT_SWITCH >= 0 ? values[CONTACT_SWITCH] : 0.0;
+    options_set(&model->options, values);
     return changed ? theta_rebuild(model, message) : 0;
 }
 
@@ -180,8 +180,8 @@ static COLD void theta_rest_tangent(const Tables *network, double height, double
 }
 
 /** change[] of what rests, along parameters; work[2 TABLES_STATE_SIZE] */
-static COLD int model_add_parameter_tangent(const Model *model, const double *values, const double *direction,
-                                            double *change, double *work)
+static COLD int model_add_parameter_tangent(const Model *model, const double *inputs, const double *values,
+                                            const double *direction, double *change, double *work)
 {
     const double *along = direction + LLMN_FIRST_PARAMETER;
     const double head[CHAIN_HEAD] = {theta_head[CHAIN_M_C], theta_head[CHAIN_K_C], theta_head[CHAIN_C_C],
@@ -198,9 +198,9 @@ static COLD int model_add_parameter_tangent(const Model *model, const double *va
     if (still) {
         return 0;
     }
-    theta_rest_tangent(network, values[tables.scheduling], head[CHAIN_K_E], along[0], d_rest);
+    theta_rest_tangent(network, inputs[tables.scheduling], head[CHAIN_K_E], along[0], d_rest);
     if (chain_start_tangent(network, &theta_tables, head, model->parameters + 1, d_head, along + 1, d_rest,
-                            model->state, values, work, work + TABLES_STATE_SIZE, found)) {
+                            model->state, inputs, work, work + TABLES_STATE_SIZE, found)) {
         return 1;
     }
     for (int i = 0; i < TABLES_OUTPUTS; ++i) {
@@ -212,7 +212,7 @@ static COLD int model_add_parameter_tangent(const Model *model, const double *va
     for (int i = 0; i < TABLES_DERIVED; ++i) {
         for (; term < tables.term_ends[i]; ++term) {
             const int signal = tables.term_signals[term], is_output = signal < TABLES_OUTPUTS;
-            const double value = is_output ? values[TABLES_INPUTS + signal] : values[signal - TABLES_OUTPUTS];
+            const double value = is_output ? values[TABLES_INPUTS + signal] : inputs[signal - TABLES_OUTPUTS];
             const double slope = !theta_stiffness_terms[term] ? 0.0 : tables.term_coefficients[term] < 0.0 ? -1.0 : 1.0;
             change[TABLES_INPUTS + TABLES_OUTPUTS + i] +=
                 slope * along[0] * value + (is_output ? network->term_coefficients[term] * found[signal] : 0.0);

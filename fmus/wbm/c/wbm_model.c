@@ -45,9 +45,17 @@ static int model_retune(Model *model, const double *values, Message *message) {
     return 0;
 }
 
-static const char *model_alarm(const Model *model) {
+enum { MODEL_WATCHES_INPUTS = 0 };
+
+static unsigned model_alarms(const Model *model) {
     (void)model;
     return 0;
+}
+
+static void model_tell(const Model *model, unsigned alarm, Message *message) {
+    (void)model;
+    (void)alarm;
+    (void)message;
 }
 
 static const char *model_remark(const double *values) {
@@ -57,11 +65,13 @@ static const char *model_remark(const double *values) {
 
 static double model_sample_time(const Model *model) { return model->step; }
 
-static int model_initialise(Model *model, const double *inputs, Message *message) {
+static int model_initialise(Model *model, double time, const double *inputs, Message *message) {
+    (void)time;
     return wbm_start(model, inputs, message);
 }
 
-static int model_tick(Model *model, const double *inputs, Message *message) {
+static int model_tick(Model *model, double time, const double *inputs, Message *message) {
+    (void)time;
     return wbm_advance(model, inputs, message);
 }
 

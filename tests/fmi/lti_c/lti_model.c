@@ -34,10 +34,19 @@ static int model_retune(Model *model, const double *values, Message *message)
 }
 
 /** x_1 beyond 40 is alarming */
-static const char *model_alarm(const Model *model)
+static unsigned model_alarms(const Model *model)
 {
-    return model->state[0] > 40.0 ? "x_1 has gone beyond 40 (reported once)" : 0;
+    return model->state[0] > 40.0 ? 1 : 0;
 }
+
+static void model_tell(const Model *model, unsigned alarm, Message *message)
+{
+    (void)model;
+    (void)alarm;
+    message_append(message, "x_1 has gone beyond 40 (reported once)");
+}
+
+enum { MODEL_WATCHES_INPUTS = 0 };
 
 static const char *model_remark(const double *values)
 {
@@ -68,8 +77,9 @@ static void lti_settle(double first, double second, double *steady)
     steady[1] = (lti_A[0][0] * second - lti_A[1][0] * first) / determinant;
 }
 
-static int model_initialise(Model *model, const double *inputs, Message *message)
+static int model_initialise(Model *model, double time, const double *inputs, Message *message)
 {
+    (void)time;
     if (inputs[VARIABLE_drive] > 5.0) {
         message_append(message, "no steady state for drive = ");
         message_append_number(message, inputs[VARIABLE_drive]);
@@ -79,10 +89,11 @@ static int model_initialise(Model *model, const double *inputs, Message *message
     return 0;
 }
 
-static int model_tick(Model *model, const double *inputs, Message *message)
+static int model_tick(Model *model, double time, const double *inputs, Message *message)
 {
     const double first = model->state[0] + SAMPLE_TIME * lti_derivative(model, inputs, 0);
     const double second = model->state[1] + SAMPLE_TIME * lti_derivative(model, inputs, 1);
+    (void)time;
     if (inputs[VARIABLE_drive] > 8.0) {
         message_append(message, "drive hits the stop at ");
         message_append_number(message, inputs[VARIABLE_drive]);

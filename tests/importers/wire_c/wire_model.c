@@ -29,10 +29,19 @@ static const char *model_remark(const double *values)
     return 0;
 }
 
-static const char *model_alarm(const Model *model)
+enum { MODEL_WATCHES_INPUTS = 0 };
+
+static unsigned model_alarms(const Model *model)
 {
     (void)model;
     return 0;
+}
+
+static void model_tell(const Model *model, unsigned alarm, Message *message)
+{
+    (void)model;
+    (void)alarm;
+    (void)message;
 }
 
 static void model_event_indicators(const Model *model, const double *values, double *indicators)
@@ -48,16 +57,18 @@ static double model_sample_time(const Model *model)
     return SAMPLE_TIME;
 }
 
-static int model_initialise(Model *model, const double *inputs, Message *message)
+static int model_initialise(Model *model, double time, const double *inputs, Message *message)
 {
+    (void)time;
     (void)inputs;
     (void)message;
     model->ticks = 0.0;
     return 0;
 }
 
-static int model_tick(Model *model, const double *inputs, Message *message)
+static int model_tick(Model *model, double time, const double *inputs, Message *message)
 {
+    (void)time;
     (void)inputs;
     (void)message;
     model->ticks = model->ticks + 1.0 < 2.0 * model->period ? model->ticks + 1.0 : 0.0;

@@ -128,8 +128,16 @@ static COLD fmi2Status instance_refuse(const Instance *instance, Message *messag
     return instance_log(instance, instance->slave.mode == MODE_CONTINUOUS ? fmi2Discard : fmi2Error, message);
 }
 
+/** refuse a call that is not allowed on this instance, or not now */
+static COLD Instance *instance_forbid(const Instance *instance, Message *message, const char *what, const char *which)
+{
+    message_append(message, what);
+    (void)instance_error(instance, message, which);
+    return NULL;
+}
+
 /** the instance if `function` may be called on it now, with an empty message, else NULL after an error message */
-static Instance *instance_of(fmi2Component component, int legal, const char *function, Message *message)
+static APART Instance *instance_of(fmi2Component component, int legal, const char *function, Message *message)
 {
     Instance *instance = (Instance *)component;
     message_clear(message);
@@ -138,14 +146,11 @@ static Instance *instance_of(fmi2Component component, int legal, const char *fun
     }
     instance->function = function;
     if ((legal & (instance->slave.purpose == FOR_MODEL_EXCHANGE ? ONLY_CO_SIMULATION : ONLY_MODEL_EXCHANGE)) != 0) {
-        message_append(message, "not allowed on an instance for ");
-        (void)instance_error(instance, message, purpose_name(instance->slave.purpose));
-        return NULL;
+        return instance_forbid(instance, message, "not allowed on an instance for ",
+                               purpose_name(instance->slave.purpose));
     }
     if ((instance->slave.mode & legal) == 0) {
-        message_append(message, "not allowed ");
-        (void)instance_error(instance, message, mode_name(instance->slave.mode));
-        return NULL;
+        return instance_forbid(instance, message, "not allowed ", mode_name(instance->slave.mode));
     }
     return instance;
 }

@@ -9,6 +9,13 @@
 #define COLD
 #endif
 
+/* What runs in every call, but need not be there once per call. */
+#if defined(__GNUC__)
+#define APART __attribute__((noinline))
+#else
+#define APART
+#endif
+
 enum { MESSAGE_CAPACITY = 512 };
 
 typedef struct {

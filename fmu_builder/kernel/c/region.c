@@ -44,17 +44,13 @@ static inline void kernel_remember(const Tables *t, double *state, int left, dou
     v.scheduling_given[0] = scheduling;
 }
 
-/* limited = inputs, each held between its limits: all there is at the start */
-static inline void kernel_limited(const Tables *t, const double *inputs, double *limited) {
+/* limited = inputs, each held between its limits; the scheduling input moves no further than `most` from the last tick's:
+   trained_move, or any number too large to matter at the start */
+static inline void kernel_limited(
+    const Tables *t, const double *state, double most, const double *inputs, double *limited) {
+    double before = kernel_view(t, (double *)state).scheduling_given[0], move;
     int j;
     for (j = 0; j < FIXED(t, inputs); ++j) limited[j] = kernel_clip(inputs[j], t->input_minimum[j], t->input_maximum[j]);
-}
-
-/* the same for a running model, whose scheduling input moves no further in a tick than in training */
-static inline void kernel_followed(const Tables *t, const double *state, const double *inputs, double *limited) {
-    KernelView v = kernel_view(t, (double *)state);
-    double before = v.scheduling_given[0], most = FIXED(t, trained_move), move;
-    kernel_limited(t, inputs, limited);
     move = limited[FIXED(t, scheduling)] - before;
     if (move > most) limited[FIXED(t, scheduling)] = before + most;
     if (move < -most) limited[FIXED(t, scheduling)] = before - most;

@@ -13,6 +13,8 @@ enum {
     MODEL_WATCHES_INPUTS = 1
 };
 
+#define ANY_MOVE 1.7976931348623157e308
+
 static double model_sample_time(const Model *model)
 {
     (void)model;
@@ -32,14 +34,16 @@ static int model_check(const Model *model, Message *message)
     return 0;
 }
 
-/** the inputs after the first door: those given, or limited; limited[] is room for them */
-static const double *model_limited(const Model *model, const double *given, double *limited)
+static COLD const double *model_hold(const Model *model, double most, const double *given, double *limited)
 {
-    if (model->options.policy != POLICY_CLAMP) {
-        return given;
-    }
-    kernel_followed(&tables, model->state, given, limited);
+    kernel_limited(&tables, model->state, most, given, limited);
     return limited;
+}
+
+/** the inputs after the first door: those given, or limited; limited[] is room for them */
+static inline const double *model_limited(const Model *model, const double *given, double *limited)
+{
+    return model->options.policy == POLICY_CLAMP ? model_hold(model, tables.trained_move, given, limited) : given;
 }
 
 /** after the second door, those that act on what comes in `ahead` seconds: with the pan-head in the place of the wire it has
@@ -64,15 +68,12 @@ static int model_is_off(const Model *model, const double *inputs)
 static COLD int model_initialise(Model *model, double time, const double *given, Message *message)
 {
     double limited[TABLES_INPUTS], value;
-    const double *inputs = given;
+    const double *inputs =
+        model->options.policy == POLICY_CLAMP ? model_hold(model, ANY_MOVE, given, limited) : given;
     int left;
     Tables own;
     const Tables *network = model_network(model, &own);
     options_forget(&model->options);
-    if (model->options.policy == POLICY_CLAMP) {
-        kernel_limited(&tables, given, limited);
-        inputs = limited;
-    }
     if (kernel_start(network, model->state, inputs) != 0) {
         message_append(message, "the model has no steady state for the start inputs: an eigenvalue of A is 1");
         return 1;

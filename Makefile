@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test fuzz lint fmus identify-fmus lock clean
+.PHONY: demo test fuzz lint fmus identify-fmus region-fmus lock clean
 
 demo: $(READY)
 	$(RUN) -m cosimulation demo
@@ -40,6 +40,19 @@ identify-fmus: $(READY)
 	cp -R runs/study-shipped/models/. fmus/
 	for name in surrogate n4sid surrogate_blow n4sid_blow; do \
 		$(RUN) -m cosimulation prove fmus/$$name/parameters.json --rate 6 --store || exit 1; \
+	done
+	$(RUN) -m fmus
+
+# Stores in the networks of fmus/ where they were trained, worked out from their data made anew; nothing else changes.
+region-fmus: $(READY)
+	rm -rf runs/region
+	for set in A Blow; do \
+		$(RUN) -m cosimulation generate cosimulation/studies/demo.toml --reference fmus/wbm/pantograph_wbm.fmu \
+			--start preset=$$set --output runs/region/$$set || exit 1; \
+	done
+	for name in surrogate n4sid; do \
+		$(RUN) -m cosimulation region fmus/$$name/parameters.json --data runs/region/A --store || exit 1; \
+		$(RUN) -m cosimulation region fmus/$${name}_blow/parameters.json --data runs/region/Blow --store || exit 1; \
 	done
 	$(RUN) -m fmus
 

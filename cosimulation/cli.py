@@ -261,6 +261,20 @@ def prove(
 
 
 @app.command()
+def region(
+    file: Annotated[Path, typer.Argument(help="A parameter set (.json).", show_default=False)],
+    data: Annotated[Path, typer.Option(help="Data folder with its training data.", show_default=False)],
+    store: Annotated[bool, typer.Option("--store", help="Write the region into the parameter set.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Work out where a network was trained, for parameter sets that do not say it."""
+    from cosimulation.region import region_of_file
+
+    result = region_of_file(file, data, store=store)
+    _print(result.summary(), as_json, result.text())
+
+
+@app.command()
 def study(
     name: Annotated[
         str,

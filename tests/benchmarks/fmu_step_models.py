@@ -18,7 +18,7 @@ from fmu_builder.compiler import host_platform  # noqa: E402
 from fmu_builder.fmi2 import build_fmu  # noqa: E402
 from fmu_builder.kernel import tables_of  # noqa: E402
 from fmu_builder.llmn_fmu import interface  # noqa: E402
-from fmu_builder.parameter_set import ParameterSet  # noqa: E402
+from fmu_builder.parameter_set import ParameterSet, TrainedRegion  # noqa: E402
 from identification.n4sid import network  # noqa: E402
 from identification.network import NetworkSettings  # noqa: E402
 
@@ -45,13 +45,19 @@ def n4sid(
     return network("n4sid_network", local_models(scales), settings, (FORCE,))
 
 
+def watched(parameter_set: ParameterSet) -> ParameterSet:
+    """Return the network with a trained region that nothing leaves: every tick looks at every limit."""
+    spans = {one.name: (-1e9, 1e9) for one in parameter_set.derived_outputs}
+    return parameter_set.replaced(trained_region=TrainedRegion(rate=1e6, derived_outputs=spans))
+
+
 def networks() -> dict[str, ParameterSet]:
     """Return what is measured: the committed networks of set A, and by hand what they do not have."""
     return {
-        "surrogate": fmus.network("surrogate"),
-        "n4sid": fmus.network("n4sid"),
-        "surrogate, by hand": surrogate(),
-        "n4sid, output blending": n4sid(),
+        "surrogate": watched(fmus.network("surrogate")),
+        "n4sid": watched(fmus.network("n4sid")),
+        "surrogate, by hand": watched(surrogate()),
+        "n4sid, output blending": watched(n4sid()),
     }
 
 

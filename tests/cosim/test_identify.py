@@ -11,13 +11,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
+from fmu_runner import opened
 
-from cosim.whole_path import WholePath
+from cosim.whole_path import PLATFORMS, WholePath
 from cosimulation.data_folder import load_data_folder
 from cosimulation.identify import Identified, IdentifySettings, _diagnostics, identify_from_folder
+from cosimulation.region import region_of_file
 from cosimulation.settings import parse_settings
-from fmu_builder.errors import DataError, IdentificationError, LlmnError, OutputError, SettingsError
+from fmu_builder.errors import (
+    DataError,
+    IdentificationError,
+    LlmnError,
+    OutputError,
+    ParameterSetError,
+    SettingsError,
+)
 from fmu_builder.kernel import simulate
+from fmu_builder.llmn_fmu import build_llmn
 from fmu_builder.llmn_fmu.card import model_card
 from fmu_builder.llmn_fmu.variables import interface
 from fmu_builder.parameter_set import load
@@ -370,3 +381,58 @@ def test_residuals_that_make_no_sense_are_refused_before_the_start(
 ) -> None:
     with pytest.raises(SettingsError, match=said):
         settings(tmp_path, residuals=given)
+
+
+def test_the_region_is_found_again_from_the_data_and_nothing_else_changes(
+    found: Identified, folder: Path, tmp_path: Path
+) -> None:
+    region = found.parameter_set.trained_region
+    assert region is not None and set(region.derived_outputs) == {"F_H", "F_p"}
+    assert set(region.frequency_bands) == {"eta", "M_pa"}
+    path = tmp_path / "mine.json"
+    found.parameter_set.replaced(trained_region=None).save(path)
+    shown = region_of_file(path, folder / "data")
+    assert not shown.stored and load(path).trained_region is None
+    assert "eta moves by at most" in shown.text() and "--store" in shown.text()
+    stored = region_of_file(path, folder / "data", store=True)
+    assert path.read_bytes() == found.path.read_bytes()
+    assert stored.summary()["trained_region"] == region.model_dump(mode="json")
+
+
+def test_a_region_is_not_worked_out_of_other_data(found: Identified, blow: WholePath, tmp_path: Path) -> None:
+    other = write_data(
+        blow, tmp_path, op25_train=lambda data: data.rows(0, 7000), wr_train=lambda data: data.rows(1, 40000)
+    )
+    with pytest.raises(DataError) as caught:
+        region_of_file(found.path, other / "data")
+    named = [problem.place.rsplit(", ", 1)[1] for problem in caught.value.problems]
+    assert named == ["op25_train", "wr_train"]
+    nameless = tmp_path / "nameless.json"
+    found.parameter_set.replaced(provenance={"training": "of old"}).save(nameless)
+    with pytest.raises(ParameterSetError, match="names no training data"):
+        region_of_file(nameless, other / "data")
+
+
+def test_an_fmu_that_refuses_what_it_was_not_trained_on_takes_its_training_data(
+    found: Identified, blow: WholePath, tmp_path: Path
+) -> None:
+    path = build_llmn(found.parameter_set, tmp_path / "mine.fmu", PLATFORMS)
+    (whole,) = blow.data.select("whole_range", "train")
+    heights = [item.data.rows(0, 8000) for item in blow.data.select("operating_point", "train")]
+    for data in (whole.data.rows(0, 40000), *heights):
+        rows = data.matrix(("eta", "M_pa"))
+        with opened(path, rows[0], ready=False) as (slave, references):
+            slave.setInteger([references["out_of_range"]], [3])
+            slave.exitInitializationMode()
+            for k, row in enumerate(rows.tolist()):
+                slave.setReal([0, 1], row)
+                slave.doStep(currentCommunicationPoint=k * 1e-3, communicationStepSize=1e-3)
+            slave.setReal([0], [row[0] + 1.001e-3 * region_rate(found)])
+            with pytest.raises(FMICallException):
+                slave.doStep(currentCommunicationPoint=len(rows) * 1e-3, communicationStepSize=1e-3)
+
+
+def region_rate(found: Identified) -> float:
+    region = found.parameter_set.trained_region
+    assert region is not None
+    return region.rate

@@ -23,7 +23,7 @@ from fmu_builder.compiler import host_platform
 from fmu_builder.errors import BuildError
 from fmu_builder.kernel import simulate
 from fmu_builder.llmn_fmu import build_llmn
-from fmu_builder.parameter_set import ParameterSet
+from fmu_builder.parameter_set import ParameterSet, TrainedRegion
 from fmu_builder.python_fmu import PLATFORMS, build_python_fmu
 
 pytestmark = [
@@ -93,8 +93,11 @@ def by_uneven_steps(path: Path, inputs: networks.Array, names: list[str]) -> net
         networks.network(41, "affine", "output", "gaussian"),
         networks.network(41, "low_pass", "parameter", "hat"),
         with_deviation(41),
+        networks.network(41, "affine", "output", "hat").replaced(
+            trained_region=TrainedRegion(rate=130.0, derived_outputs={"sum": (80.0, 125.0)})
+        ),
     ],
-    ids=["affine", "low_pass", "deviation"],
+    ids=["affine", "low_pass", "deviation", "region"],
 )
 def test_both_fmus_agree_through_fmpy_at_uneven_steps(parameter_set: ParameterSet, tmp_path: Path) -> None:
     """Steps that end between ticks, before them and on them; validities and in_range among the outputs."""

@@ -51,8 +51,8 @@ enum { BLENDING_OUTPUT = 0, BLENDING_PARAMETER = 1 };
 enum { KERNEL_START_PASSES = 100 };
 enum { OFFSETS_NONE = 0, OFFSETS_AFFINE = 1, OFFSETS_LOW_PASS = 2, OFFSETS_SCHEDULED_EQUILIBRIUM = 3 };
 
-/* What all tables of a network have in common. Where models at the nodes are made in an FMU it is taken from the constants
-   of its binary, so that the compiler knows the sizes (blended.c, surrogate.c). */
+/* What all tables of a network have in common. In an FMU it is taken from the constants of its binary, so that the compiler
+   knows the sizes (all.c, blended.c, surrogate.c). */
 #ifndef FIXED
 #define FIXED(tables, field) ((tables)->field)
 #endif

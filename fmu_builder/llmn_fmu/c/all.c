@@ -1,9 +1,11 @@
 /* The FMU of a local linear model network as one translation unit; tables.h and variables.h are generated. */
+#define FIXED(any, field) ((void)(any), tables.field)
 #include "elementary.c"
 #include "message.c"
+#include "kernel.h"
+#include "tables.h"
 #include "kernel.c"
 #include "steady_tangent.c"
-#include "tables.h"
 #include "variables.h"
 #include "contact.c"
 #include "contact.h"

@@ -50,13 +50,13 @@ def model_tables(parameter_set: ParameterSet) -> list[BandTable]:
 
 
 def set_tables(view: SetView) -> list[BandTable]:
-    """Return the error bands of the contact force of every model that has them, beside its test data.
+    """Return the error bands of the contact force beside test data, the best model first.
 
     Not of a model whose mean error is subtracted after the simulation: its bands are those of its FMU, which
     cannot do that.
     """
     found = []
-    for model in view.models:
+    for model in sorted(view.models, key=lambda one: one is not view.best):
         bands = model.bands
         if bands is not None:
             best = model is view.best

@@ -77,7 +77,7 @@ def marked_recommended(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any
     """Return the records with exactly one recommended configuration per `RECOMMENDED_KEY`.
 
     Among the configurations of one model with the same number of local models and the same blending, the one
-    with the best contact force on validation data is recommended, everywhere.
+    with the best contact force on validation data, the mean over their records, is recommended, everywhere.
     """
     variable = ("offsets", "validity", "alignment", "schedule", "structure", "route", "order")
     fixed = ("wbm", "model", "llms", "blending", "noise", "seed")
@@ -85,16 +85,15 @@ def marked_recommended(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any
     def values(record: Mapping[str, Any], names: Iterable[str]) -> tuple[Any, ...]:
         return tuple(record[name] for name in names)
 
-    best: dict[tuple[Any, ...], tuple[float, tuple[Any, ...]]] = {}
+    fits: dict[tuple[Any, ...], dict[tuple[Any, ...], list[float]]] = {}
     for record in found:
         if record["split"] == "validation" and record["signal"] == DECIDING_SIGNAL:
             fit = -np.inf if record["fit"] is None else float(record["fit"])
-            group, configuration = values(record, fixed), values(record, variable)
-            if group not in best or fit > best[group][0]:
-                best[group] = (fit, configuration)
+            group = fits.setdefault(values(record, fixed), {})
+            group.setdefault(values(record, variable), []).append(fit)
+    best = {key: max(group, key=lambda one: float(np.mean(group[one]))) for key, group in fits.items()}
     return [
-        {**record, "recommended": best[values(record, fixed)][1] == values(record, variable)}
-        for record in found
+        {**record, "recommended": best[values(record, fixed)] == values(record, variable)} for record in found
     ]
 
 

@@ -11,6 +11,8 @@ from cosimulation.report.figures.drawing import envelope
 from cosimulation.report.figures.spectra import amplitude_density
 from cosimulation.report.modes import Mode, matched, modes
 from cosimulation.report.tables import colour_of, significant
+from cosimulation.scoring import marked_recommended
+from identification.scores import FIELDS
 from tolerances import SPECTRUM_POWER
 
 SAMPLE_TIME = 0.001
@@ -67,3 +69,20 @@ def test_colours_go_from_red_over_yellow_to_green() -> None:
 )
 def test_numbers_read_well(value: float, text: str) -> None:
     assert significant(value) == text
+
+
+def test_of_several_validation_records_the_mean_recommends() -> None:
+    """One configuration is best on a single record, the other on average; test data have no say."""
+    fits = {
+        "hat": {"one": 99.0, "two": 80.0, "test": 99.9},
+        "cubic": {"one": 95.0, "two": 94.0, "test": 10.0},
+    }
+    found = [
+        {**dict.fromkeys(FIELDS), "signal": "F_p", "validity": validity, "data_set": name, "fit": fit,
+         "split": "test" if name == "test" else "validation"}
+        for validity, row in fits.items()
+        for name, fit in row.items()
+    ]  # fmt: skip
+    marked = marked_recommended(found)
+    assert {item["validity"] for item in marked if item["recommended"]} == {"cubic"}
+    assert len([item for item in marked if item["recommended"]]) == 3

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from cosim import sweeps
+from cosim import identify_data, sweeps
 from cosim.whole_path import PLATFORMS, TEST_SECONDS, WholePath
 from cosimulation.candidates import identify_candidates
 from cosimulation.demo import generate_settings
 from cosimulation.fmu_file import open_fmu
 from cosimulation.generate import make_data
+from cosimulation.identify import Identified, identify_from_folder
 from fmu_builder.llmn_fmu import build_llmn
 from fmus.wbm import build_wbm
 
@@ -45,3 +46,13 @@ def blow(white_box: Path, tmp_path_factory: pytest.TempPathFactory) -> WholePath
         for name, item in found.items()
     }
     return WholePath(white_box, settings, data, found, fmus)
+
+
+@pytest.fixture(scope="session")
+def identify_folder(blow: WholePath, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return identify_data.write_data(blow, tmp_path_factory.mktemp("identify"))
+
+
+@pytest.fixture(scope="session")
+def identified(identify_folder: Path) -> Identified:
+    return identify_from_folder(identify_data.settings(identify_folder))

@@ -9,8 +9,8 @@ Blending matrices means something only where a state means the same in every loc
 - "controller": one controller canonical form per input, as conversion of numerators and denominator gives it,
   m n states; the state at rest depends on the local model's static gain.
 - "modal": each model in its own modal coordinates, slow modes first, every mode showing fully in the output.
-  Where a real pole and a pair of poles change places from one local model to the next, states of different
-  modes are blended.
+  Where the slowest mode is a real pole in one local model and a pair of poles in the next, states of
+  different modes are blended.
 """
 
 from __future__ import annotations

@@ -42,9 +42,10 @@ model's own modal states, these about each model's own centre; and blended outpu
 FIT of 88.25 % on its training record, its soaring included (eq. 4.2)."""
 _SOARING_TEXT = """All local models are stable. Where the largest pole of the blend held at a height stays
 below one, too, a blend that soars is not unstable: its states do not mean the same in two neighbours. Where
-a real pole and a pair of poles change places from one local model to the next, states of different modes
-are blended, and already the output at rest is wrong between the centres. States that are past signals mean
-the same everywhere: nothing soars. Errors are over the span of the angle on the test record."""
+the slowest mode is a real pole in one local model and a pair of poles in the next (the table of poles shows
+it), states of different modes are blended, and already the output at rest is wrong between the centres.
+States that are past signals mean the same everywhere: nothing soars. Errors are over the span of the angle
+on the test record."""
 _POLES_TEXT = """Poles of the local models of the first seed in the z plane, natural frequency |s| and
 damping -Re(s) / |s| with s = log(z) / Ts, of every pair once; below, those of the thesis's Figure 4.7."""
 _SIX_TEXT = """One network per output: LOLIMOT knows no others. A force in proportion to a small difference

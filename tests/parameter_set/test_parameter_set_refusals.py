@@ -88,6 +88,7 @@ GAUSSIAN_CASES: dict[str, tuple[Callable[[Content], None], str]] = {
     "name too long": (put("name", "n" * 56), "name"),
     "name twice": (put("outputs", 1, "name", "u_1"), "outputs[1].name"),
     "name taken": (put("outputs", 1, "name", "validity_4"), "outputs[1].name"),
+    "name of the policy": (put("outputs", 1, "name", "out_of_range"), "outputs[1].name"),
     "start outside": (put("inputs", 0, "operating_point", 9.0), "inputs[0].operating_point"),
     "limits reversed": (put("inputs", 0, "minimum", 9.0), "inputs[0]"),
     "scheduling feedthrough": (put("local_models", 0, "D", 1, 1, 0.5), "local_models[0].D"),

@@ -14,7 +14,7 @@ from theta_networks import theta_network
 
 from fmu_builder.compiler import TARGETS, host_platform
 from fmu_builder.llmn_fmu import build_llmn
-from fmu_builder.parameter_set import ParameterSet
+from fmu_builder.parameter_set import ParameterSet, TrainedRegion
 from fmus.wbm import build_wbm
 from fmus.wbm.variables import DEFAULT_INNER_STEP
 from identification.n4sid import network
@@ -43,7 +43,9 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
     folder = tmp_path_factory.mktemp("fmus")
     here = tuple(name for name in RUNNABLE if machines.command_of(name) is not None) or (host_platform(),)
     wbm = build_wbm(folder / "wbm.fmu", here)
-    surrogate = build_llmn(theta_network("chain8", 21, gain=0.2), folder / "surrogate.fmu", here)
+    region = TrainedRegion(rate=0.9, derived_outputs={"F_p": (20.0, 200.0)})
+    trained = theta_network("chain8", 21, gain=0.2).replaced(trained_region=region)
+    surrogate = build_llmn(trained, folder / "surrogate.fmu", here)
     plain = {
         name: _n4sid(blending) for name, blending in (("n4sid", "output"), ("n4sid_parameter", "parameter"))
     }

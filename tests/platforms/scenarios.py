@@ -17,6 +17,7 @@ STEPS = (1.0, 0.5, 0.25, 2.0, 5.0, 10.0, 0.7, 1000.0 / 60.0)
 
 DURATION = 0.12  # s
 MODEL_EXCHANGE, CO_SIMULATION = 0, 1
+CLAMP = 2  # of out_of_range
 
 
 @dataclass
@@ -40,9 +41,10 @@ class Fmu:
         return int(self.references["F_p"]) + 1
 
 
-def begin(fmu: Fmu, kind: int, changed: bool = False) -> Iterator[str]:
+def begin(fmu: Fmu, kind: int, changed: bool = False, policy: int = 0) -> Iterator[str]:
     yield f"new {kind} {fmu.guid}"
     yield from change(fmu) if changed else ()
+    yield from (f"integer {fmu.references['out_of_range']} {policy}",) if policy else ()
     yield from (
         "setup",
         "enter",
@@ -115,6 +117,18 @@ def sampled(fmu: Fmu) -> Iterator[str]:
     yield from ("save", "free")
 
 
+def clamped(fmu: Fmu) -> Iterator[str]:
+    """Co-simulation with inputs held at their limits: both swing far beyond, and faster than in training."""
+    yield from begin(fmu, CO_SIMULATION, policy=CLAMP)
+    for k in range(120):
+        yield f"real 0 {bits(1.4 + 1.5 * math.sin(31e-3 * k))}"
+        yield f"real 1 {bits(1310.9 + 900.0 * math.sin(0.17 * k + 0.3))}"
+        yield f"step {bits(k * 1e-3)} {bits(1e-3)}"
+        yield f"get 0 {fmu.readable}"
+        yield f"slope {fmu.references['F_p']} 0"
+    yield from ("save", "free")
+
+
 def continued(fmu: Fmu, saved: str) -> Iterator[str]:
     """Co-simulation from a state that somebody has saved at the end of `moving` with 1 ms."""
     yield from begin(fmu, CO_SIMULATION)
@@ -139,4 +153,5 @@ def all_of(fmu: Fmu) -> dict[str, Sequence[str]]:
         found["model-exchange"] = list(integrated(fmu, 2e-4))
     else:
         found["model-exchange"] = list(sampled(fmu))
+        found["clamped"] = list(clamped(fmu))
     return found

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
+import fmpy.logging
 import networks
 import pytest
 from theta_networks import theta_network
@@ -36,3 +37,15 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
         "n4sid": build_llmn(n4sid, folder / "n4sid.fmu", here, model_identifier="n4sid"),
         "wire": build_wire(folder / "wire.fmu", here),
     }
+
+
+@pytest.fixture(scope="session", autouse=True)
+def loggers_that_never_go_away() -> None:
+    """Keep every logger given to fmpy: its library goes on calling the last one, also in runs without."""
+    kept, add = [], fmpy.logging.addLoggerProxy
+
+    def add_and_keep(callbacks: object) -> None:
+        kept.append(callbacks)
+        add(callbacks)
+
+    fmpy.logging.addLoggerProxy = add_and_keep

@@ -9,6 +9,7 @@ import networks
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Model
+from fmu_runner import QUIET
 
 import tolerances
 from fmu_builder.compiler import host_platform
@@ -34,7 +35,7 @@ def by_events(path: Path, parameter_set: ParameterSet, inputs: networks.Array) -
         modelIdentifier=description.modelExchange.modelIdentifier,
         instanceName="one",
     )
-    fmu.instantiate()
+    fmu.instantiate(callbacks=QUIET)
     fmu.setupExperiment(startTime=0.0)
     fmu.enterInitializationMode()
     fmu.setReal(list(range(inputs.shape[1])), inputs[0].tolist())

@@ -331,21 +331,32 @@ def test_log_categories(new_slave: NewSlave) -> None:
     assert "unknown log category logNoise" in quiet.last_error()
 
 
+def alarms(slave: Slave) -> list[str]:
+    """The functions that said it."""
+    said = ": x_1 has gone beyond 40 (reported once)"
+    found = [(status, category, text) for status, category, text in slave.log if said in text]
+    assert all(one[:2] == (WARNING, "logStatusWarning") for one in found)
+    return [text.removesuffix(said) for *_, text in found]
+
+
 def test_an_alarm_of_the_model_is_logged_once_and_the_steps_go_on(new_slave: NewSlave) -> None:
-    slave = new_slave().start(v1=-260.0)
-    alarm = (WARNING, "logStatusWarning", "fmi2DoStep: x_1 has gone beyond 40 (reported once)")
-    assert slave.log == []
-    assert [slave.step(0.001 * k, 0.001) for k in range(3)] == [OK, OK, OK]
-    assert slave.log == [alarm]
-    assert slave.Reset() == OK
-    slave.start(v1=-260.0)
-    assert slave.step(0.0, 0.001) == OK
-    assert slave.log == [alarm, alarm]
+    slave = new_slave()
+    for times in (1, 2):
+        slave.start(v1=-200.0)
+        assert slave.set([VR["load"]], [-1e5]) == OK
+        assert [slave.step(0.001 * k, 0.001) for k in range(50)] == [OK] * 50
+        assert alarms(slave) == ["fmi2DoStep"] * times
+        assert slave.Reset() == OK
 
 
 def test_an_alarm_in_model_exchange_is_logged_once(new_sampled: NewSlave) -> None:
-    slave = new_sampled(kind=MODEL_EXCHANGE).start(v1=-260.0).run()
-    for k in (1, 2):
-        slave.event(0.001 * k)
-    text = "fmi2NewDiscreteStates: x_1 has gone beyond 40 (reported once)"
-    assert slave.log == [(WARNING, "logStatusWarning", text)]
+    slave = new_sampled(kind=MODEL_EXCHANGE).start(v1=-200.0).run()
+    for k in range(1, 50):
+        slave.event(0.001 * k, [VR["load"]], [-1e5])
+    assert alarms(slave) == ["fmi2NewDiscreteStates"]
+
+
+def test_an_alarm_at_the_start_is_logged_when_initialisation_ends(new_slave: NewSlave) -> None:
+    slave = new_slave().start(v1=-260.0)
+    assert [slave.step(0.001 * k, 0.001) for k in range(3)] == [OK, OK, OK]
+    assert alarms(slave) == ["fmi2ExitInitializationMode"]

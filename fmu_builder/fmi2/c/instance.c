@@ -215,7 +215,7 @@ static int is_outside(fmi2ValueReference vr, double value)
 }
 
 /** whether variable vr may take this value now; otherwise an error message has been logged */
-static int instance_accepts(const Instance *instance, fmi2ValueReference vr, double value, Message *message)
+static SMALL int instance_accepts(const Instance *instance, fmi2ValueReference vr, double value, Message *message)
 {
     const int causality = variable_causality[vr];
     const int is_parameter = causality == CAUSALITY_PARAMETER;

@@ -9,11 +9,16 @@
 #define COLD
 #endif
 
-/* What runs in every call, but need not be there once per call. */
-#if defined(__GNUC__)
+/* What runs in every call, but need not be there once per call; SMALL, and is mostly refusals. */
+#if defined(__clang__)
 #define APART __attribute__((noinline))
+#define SMALL __attribute__((noinline, minsize))
+#elif defined(__GNUC__)
+#define APART __attribute__((noinline))
+#define SMALL __attribute__((noinline))
 #else
 #define APART
+#define SMALL
 #endif
 
 enum { MESSAGE_CAPACITY = 512 };

@@ -67,7 +67,7 @@ static void clear_bytes(void *memory, size_t size)
 }
 
 /** as after instantiation: start values, time 0 */
-static void slave_reset(Slave *slave)
+static COLD void slave_reset(Slave *slave)
 {
     const int64_t purpose = slave->purpose;
     clear_bytes(slave, sizeof *slave);

@@ -10,7 +10,7 @@ static double slave_next_event_time(const Slave *slave)
 }
 
 /** whether the importer may put the model at this time; solvers may try times behind the stop time */
-static int slave_check_time(const Slave *slave, double time, Message *message)
+static SMALL int slave_check_time(const Slave *slave, double time, Message *message)
 {
     const double slack = TIME_TOLERANCE * slave->sample_time;
     if (!is_finite(time)) {
@@ -30,7 +30,7 @@ static int slave_check_time(const Slave *slave, double time, Message *message)
 }
 
 /** whether the present time counts: a step or an event behind the stop time does not */
-static int slave_check_stop(const Slave *slave, Message *message)
+static SMALL int slave_check_stop(const Slave *slave, Message *message)
 {
     if (slave->time <= slave->stop_time + TIME_TOLERANCE * slave->sample_time) {
         return 0;

@@ -1,6 +1,6 @@
 /* The functions of FMI 2.0 for Co-Simulation: input derivatives, communication steps and their status. */
 
-FMI2_Export fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+FMI2_Export SMALL fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                                    const fmi2Integer order[], const fmi2Real value[])
 {
     Message message;

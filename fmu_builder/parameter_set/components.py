@@ -44,6 +44,9 @@ def by_name(value: Any) -> Any:
     return [by_name(one) for one in value] if isinstance(value, list) else value
 
 
+Spans = Annotated[dict[str, tuple[Number, Number]], AfterValidator(by_name)]
+
+
 class Part(BaseModel):
     """Base of everything in a parameter set: immutable, and unknown fields are refused."""
 
@@ -317,8 +320,8 @@ class TrainedRegion(Part):
     """
 
     rate: Number
-    derived_outputs: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
-    frequency_bands: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
+    derived_outputs: Spans = Field(default_factory=dict)
+    frequency_bands: Spans = Field(default_factory=dict)
 
 
 class ResidualBands(Part):

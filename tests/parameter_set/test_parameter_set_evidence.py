@@ -10,6 +10,7 @@ import certified_networks as networks
 import pytest
 
 from fmu_builder.errors import ParameterSetError
+from fmu_builder.llmn_fmu import identity
 from fmu_builder.parameter_set import ParameterSet, load
 
 PLAIN = networks.oscillators()
@@ -38,6 +39,13 @@ def test_evidence_stands_outside_the_model_hash_and_comes_back_bit_by_bit(tmp_pa
     given = with_evidence()
     assert given.model_hash() == PLAIN.model_hash()
     assert load(given.save(tmp_path / "evidence.json")) == given
+
+
+def test_a_region_in_another_order_makes_the_same_fmu_as_the_file(tmp_path: Path) -> None:
+    spans = {name: [0.01, 25.0] for name in sorted(PLAIN.input_names, reverse=True)}
+    given = with_evidence(trained_region={"rate": 3.6, "frequency_bands": spans})
+    assert len(spans) > 1
+    assert identity(load(given.save(tmp_path / "evidence.json"))) == identity(given)
 
 
 @pytest.mark.parametrize("name", ["trained_region", "residual_bands"])

@@ -168,6 +168,9 @@ def inside(
 ) -> Inside:
     """Return which share of the residuals on data lies inside the bounds, by the rules of `residual_bands`.
 
+    Data may be sampled more slowly than the model ticks; bands that begin beyond what they can show are not
+    judged.
+
     Args:
         bands: Bounds.
         sample_time: s.
@@ -176,16 +179,17 @@ def inside(
         model: What it is, shape (rows,).
     """
     rows = counted_rows(len(reference), sample_time)
-    parts = split(model - reference, bands.frequencies, sample_time)[rows]
+    shown = sum(low < 0.5 / sample_time for low in bands.frequencies[:-1])
+    parts = split(model - reference, bands.frequencies[: shown + 1], sample_time)[rows]
     where = _range_of(scheduling[rows], bands.positions)
     limits, total = _numbers(bands.bound), _numbers(bands.total)
-    kept = np.abs(parts) <= limits[where]
+    kept = np.abs(parts) <= limits[where, :shown]
     whole = np.abs((model - reference)[rows]) <= total[where]
     shares, totals = np.full(limits.shape, np.nan), np.full(total.shape, np.nan)
     for index in range(len(total)):
         here = where == index
         if here.any() and np.isfinite(total[index]):
-            shares[index], totals[index] = kept[here].mean(axis=0), whole[here].mean()
+            shares[index, :shown], totals[index] = kept[here].mean(axis=0), whole[here].mean()
     judged = (where >= 0) & np.isfinite(total[where])
     seconds = _seconds(where, len(total), sample_time)
     return Inside(float(whole[judged].mean()) if judged.any() else np.nan, totals, shares, seconds)

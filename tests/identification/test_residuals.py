@@ -214,6 +214,23 @@ def test_frequencies_beyond_nyquist_are_left_out(plant: ParameterSet, data: Data
     assert found.frequencies == (0.0, 1.0, 5.0, 10.0)
 
 
+@pytest.mark.parametrize(("sample_time", "shown"), [(0.05, 3), (0.2, 2), (1.0, 1)])
+def test_data_sampled_slowly_are_judged_up_to_what_they_show(
+    plant: ParameterSet, data: DataSet, sample_time: float, shown: int
+) -> None:
+    """Nyquist at 10 Hz, 2.5 Hz and 0.5 Hz below edges at 1, 5 and 15 Hz."""
+    error = np.random.default_rng(2).normal(0.0, 1.0, len(data))
+    found = bands_of(plant, with_force(data, data.column("F_p") + error))
+    assert found.frequencies == EDGES
+    rows = slice(None, None, round(sample_time / TS))
+    force = data.column("F_p")[rows]
+    shares = inside(found, sample_time, data.column("eta")[rows], force + error[rows], force)
+    assert 0.85 < shares.whole <= 1.0
+    assert np.all(np.isnan(shares.bands[:, shown:]))
+    heights = np.isfinite(shares.total)
+    assert heights.any() and np.all(np.isfinite(shares.bands[heights, :shown]))
+
+
 def test_the_bands_are_small_in_a_file(plant: ParameterSet) -> None:
     data = measured(plant, whole_range_inputs(7))
     noisy = with_force(data, data.column("F_p") * 1.0371 + np.sin(data.time))

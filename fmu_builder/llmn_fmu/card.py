@@ -249,13 +249,16 @@ def _scores(parameter_set: ParameterSet) -> Iterator[str]:
 
 def _bands(parameter_set: ParameterSet) -> Iterator[str]:
     """Tell how far off outputs were on held-out data: a row per height."""
+    scheduling = parameter_set.inputs[parameter_set.scheduling_index]
+    units = {item.name: item.unit for item in parameter_set.outputs}
+    units |= {item.name: item.unit for item in parameter_set.derived_outputs}
     for one in parameter_set.residual_bands:
         yield f"<h2>How far off {escape(one.output)} is</h2>"
         yield _paragraph(
             f"What {_number(100.0 * one.coverage)} % of the errors on held-out data"
-            f" ({', '.join(one.held_out)}) do not exceed; in brackets amplitude (model over reference) and"
-            " phase (model less reference) [rad]. One record is an estimate: others keep these bounds more or"
-            " less often."
+            f" ({', '.join(one.held_out)}) do not exceed [{units[one.output]}]; in brackets amplitude (model"
+            " over reference) and phase (model less reference) [rad]. Bounds are estimates: other records"
+            " keep them more or less often."
         )
         columns = [f"{low:g} to {high:g} Hz" for low, high in pairwise(one.frequencies)]
         rows = [
@@ -271,11 +274,12 @@ def _bands(parameter_set: ParameterSet) -> Iterator[str]:
             )
             for cells in [zip(*parts, strict=True)]
         ]
-        yield _table((parameter_set.partition.scheduling, "data [s]", "all", *columns), rows)
+        yield _table((f"{scheduling.name} [{scheduling.unit}]", "data [s]", "all", *columns), rows)
 
 
 def _banded(bound: float | None, amplitude: float | None, phase: float | None) -> str:
-    answer = "" if amplitude is None else f" ({_number(amplitude)}, {_number(phase)})"
+    unknown = amplitude is None or phase is None
+    answer = "" if unknown else f" ({_number(amplitude)}, {_number(phase)})"
     return ("no data" if bound is None else _number(bound)) + answer
 
 

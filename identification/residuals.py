@@ -305,11 +305,13 @@ def _responses(
     count = len(positions) - 1, len(frequencies) - 1
     cross, power = np.zeros(count, dtype=np.complex128), np.zeros(count)
     floor = np.zeros(count[0])
+    found = np.full(count, np.nan + 0j)
+    long_enough = [record for record in records if len(record[0]) >= size]
+    if not long_enough:  # a segment may be of any length: nothing of its size is made before
+        return found
     lines = np.fft.rfftfreq(size, sample_time)
     band_of = np.clip(np.searchsorted(frequencies, lines, side="right") - 1, 0, count[1] - 1)
-    for record in records:
-        if len(record[0]) < size:
-            continue
+    for record in long_enough:
         reference, model, height = (
             sliding_window_view(one, size)[:: max(size // _HOPS, 1)] for one in record
         )
@@ -332,7 +334,6 @@ def _responses(
             np.add.at(total, (index[:, None], filled[None, :]), np.add.reduceat(product, starts, axis=1))
         np.add.at(floor, index, size * (AT_REST**2) * np.sum(reference[used] ** 2, axis=1))
     told = power > floor[:, None]
-    found = np.full(count, np.nan + 0j)
     found[told] = cross[told] / power[told]
     return found
 

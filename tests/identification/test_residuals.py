@@ -179,6 +179,11 @@ def test_segments_that_cross_heights_tell_nothing_of_amplitude_and_phase(plant: 
     assert None not in found.total
 
 
+def test_a_segment_longer_than_any_record_tells_nothing(plant: ParameterSet, data: DataSet) -> None:
+    found = bands_of(plant, data, segment=1e12)  # whose lines fit into no memory
+    assert np.isnan(numbers(found.amplitude)).all() and np.isfinite(numbers(found.bound)).all()
+
+
 def test_several_records_count_by_their_length(plant: ParameterSet, data: DataSet) -> None:
     force = data.column("F_p")
     off = [with_force(replace(data, name=str(size)), force + size) for size in (2.0, 1.0, 1.0)]

@@ -36,6 +36,13 @@ def banded(parameter_set: ParameterSet, data: DataFolder, settings: ResidualSett
         found = residual_bands(parameter_set, held_out, settings)
     except (DataError, IdentificationError) as reason:
         return Banded(parameter_set, str(reason))
+    if not found:
+        return Banded(parameter_set, "residuals.outputs names no output")
+    if not any(value is not None for one in found for value in one.total):
+        low, high = parameter_set.partition.range
+        where = f"{parameter_set.partition.scheduling} from {low:g} to {high:g}"
+        what = f"{', '.join(data.name for data in held_out)} of the split validation"
+        return Banded(parameter_set, f"{what}: too short at every range of {where}")
     return Banded(parameter_set.replaced(residual_bands=found), "")
 
 
@@ -52,15 +59,15 @@ def band_lines(bands: ResidualBands, unit: str, scheduling: str) -> list[str]:
         f"{bands.output} on {', '.join(bands.held_out)}: {100.0 * bands.coverage:g} % of the errors are"
         f" below [{unit}] (amplitude, phase in rad)"
     )
-    lines = [head, f"{scheduling:<16}{'seconds':>9}{'all':>9}" + "".join(f"{one:>27}" for one in columns)]
+    lines = [head, f"{scheduling:<16}{'seconds':>9}{'all':>11}" + "".join(f"{one:>30}" for one in columns)]
     rows = zip(bands.total, bands.bound, bands.amplitude, bands.phase, strict=True)
     for (low, high), seconds, (total, *cells) in zip(
         pairwise(bands.positions), bands.seconds, rows, strict=True
     ):
         parts = [_cell(*one) for one in zip(*cells, strict=True)]
         lines.append(
-            f"{f'{low:g} - {high:g}':<16}{seconds:>9.1f}{_number(total):>9}"
-            + "".join(f"{one:>27}" for one in parts)
+            f"{f'{low:g} - {high:g}':<16}{seconds:>9.1f}{_number(total):>11}"
+            + "".join(f"{one:>30}" for one in parts)
         )
     return lines
 

@@ -263,7 +263,8 @@ def test_what_makes_no_sense_is_refused(
         bands_of(plant, data, outputs=("nobody",))
     with pytest.raises(DataError, match="sample time"):
         bands_of(plant, replace(data, sample_time=0.002))
-    for wrong in ({"frequencies": (5.0, 1.0)}, {"frequencies": (0.0,)}, {"coverage": 1.0}, {"heights": 0}):
+    edges: tuple[tuple[float, ...], ...] = ((5.0, 1.0), (0.0,), (1e-300, 15.0))
+    for wrong in (*({"frequencies": one} for one in edges), {"coverage": 1.0}, {"heights": 0}):
         with pytest.raises(ValidationError):
             ResidualSettings.model_validate(wrong)
     with pytest.raises(DataError, match="not finite"):

@@ -72,7 +72,9 @@ class ResidualSettings(BaseModel):
         if any(right <= left for left, right in pairwise((0.0, *given))):
             raise ValueError("edges are positive and ascend")
         if given and given[0] < _LOWEST_EDGE:
-            raise ValueError(f"an edge below {_LOWEST_EDGE:g} Hz needs records of many minutes; give higher ones")
+            raise ValueError(
+                f"an edge below {_LOWEST_EDGE:g} Hz needs records of many minutes; give higher ones"
+            )
         return given
 
 

@@ -13,6 +13,7 @@ from fmu_runner import opened
 
 from cosim.identify_data import settings, write_data
 from cosim.whole_path import PLATFORMS, WholePath
+from cosimulation.bands import band_lines, banded
 from cosimulation.data_folder import load_data_folder
 from cosimulation.identify import Identified, identify_from_folder
 from cosimulation.region import region_of_file
@@ -25,8 +26,9 @@ from fmu_builder.kernel import simulate
 from fmu_builder.llmn_fmu import build_llmn
 from fmu_builder.llmn_fmu.card import model_card
 from fmu_builder.llmn_fmu.variables import interface
-from fmu_builder.parameter_set import load
+from fmu_builder.parameter_set import ResidualBands, load
 from identification.data_set import DataSet
+from identification.residuals import ResidualSettings
 
 
 @pytest.fixture
@@ -78,6 +80,33 @@ def test_without_held_out_data_there_are_no_bands_and_it_is_said(found: Identifi
     assert found.page is not None and f"Not known: {said}." in found.page.read_text(encoding="utf-8")
     assert found.summary()["residual_bands_remark"] == said
     assert "How far off" not in model_card(found.parameter_set, interface(found.parameter_set))
+
+
+def test_bands_that_would_be_empty_are_left_out_with_the_reason(blow: WholePath, found: Identified) -> None:
+    (test,) = blow.data.select("whole_range", "test")
+    values = test.data.values.copy()
+    values[:, test.data.names.index("eta")] += 5.0
+    far = DataSet("far", test.data.sample_time, test.data.names, test.data.units, values)
+    folder = replace(blow.data, experiments=(replace(test, name="far", split="validation", data=far),))
+    result = banded(found.parameter_set, folder)
+    assert result.parameter_set.residual_bands == ()
+    assert result.remark == "far of the split validation: too short at every range of eta from 0.5 to 2.5"
+    asked = ResidualSettings(outputs=())
+    assert banded(found.parameter_set, folder, asked).remark == "residuals.outputs names no output"
+
+
+def test_the_table_of_bands_keeps_its_columns_apart() -> None:
+    row = ((-1.324e-05, 1.324e-05),)
+    sizes = ((1.324e-05, 1.324e-05),)
+    bands = ResidualBands(
+        model_hash="", output="x", positions=(0.5, 1.0), frequencies=(0.0, 15.0, 500.0), coverage=0.95,
+        rms=sizes, bound=sizes, total=(1.324e-05,), amplitude=((1.0, 1.0),), phase=row, seconds=(12345.6,),
+        held_out=("one",),
+    )  # fmt: skip
+    cell = ["1.324e-05", "(1.0000,"]
+    assert band_lines(bands, "m", "eta")[2].split() == [
+        *("0.5", "-", "1", "12345.6", "1.324e-05"), *cell, "-0.0000)", *cell, "+0.0000)"
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

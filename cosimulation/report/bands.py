@@ -146,10 +146,14 @@ def _specified(bands: ResidualBands) -> str:
     amplitudes, phases = told(bands.amplitude), np.degrees(told(bands.phase))
     if not amplitudes:
         return ""
+    rows = zip(pairwise(bands.positions), bands.amplitude, strict=True)
+    heights = [f"{low:g} to {high:g}" for (low, high), row in rows if told([row])]
+    elsewhere = len(heights) < len(bands.amplitude)
     return (
         f"Up to {bands.frequencies[columns[-1] + 1]:g} Hz the amplitude is {min(amplitudes):.3f} to"
         f" {max(amplitudes):.3f} times that of the reference, the phase off by"
         f" {number(float(np.abs(phases).max()))}\N{DEGREE SIGN} at most, in the mean over a band."
+        + (f" Only the heights {', '.join(heights)} tell it." if elsewhere else "")
     )
 
 

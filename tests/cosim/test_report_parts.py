@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import networks
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cosimulation.report.bands import model_tables
 from cosimulation.report.figures.drawing import envelope
 from cosimulation.report.figures.spectra import amplitude_density
 from cosimulation.report.modes import Mode, matched, modes
 from cosimulation.report.tables import colour_of, significant
 from cosimulation.scoring import marked_recommended
+from fmu_builder.parameter_set import ResidualBands
 from identification.scores import FIELDS
 from tolerances import SPECTRUM_POWER
 
@@ -86,3 +89,25 @@ def test_of_several_validation_records_the_mean_recommends() -> None:
     marked = marked_recommended(found)
     assert {item["validity"] for item in marked if item["recommended"]} == {"cubic"}
     assert len([item for item in marked if item["recommended"]]) == 3
+
+
+@pytest.mark.parametrize(
+    ("first", "said"),
+    [
+        (None, "in the mean over a band. Only the heights 1 to 2.5 tell it."),
+        (0.9, "in the mean over a band."),
+    ],
+)
+def test_a_sentence_on_the_specified_frequency_holds_where_the_data_tell(
+    first: float | None, said: str
+) -> None:
+    network = networks.network(1, "scheduled_equilibrium", "parameter", "hat")
+    sizes = ((0.5, 0.25), (0.25, 4.0))
+    bands = ResidualBands(
+        model_hash=network.model_hash(), output=network.output_names[0], positions=(0.5, 1.0, 2.5),
+        frequencies=(0.0, 15.0, 500.0), coverage=0.95, rms=sizes, bound=sizes, total=(0.75, 5.0),
+        amplitude=((first, None), (0.5, 0.875)), phase=((first, None), (-0.0625, 0.0)),
+        seconds=(40.0, 39.0), held_out=("first",),
+    )  # fmt: skip
+    (table,) = model_tables(network.replaced(residual_bands=(bands,)))
+    assert table.summary.startswith("Up to 15 Hz the amplitude is 0.500 to") and table.summary.endswith(said)

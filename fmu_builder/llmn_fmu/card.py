@@ -105,16 +105,17 @@ def _region(parameter_set: ParameterSet) -> Iterator[str]:
         " other data of the same kind leave them now and then by a little. Derived outputs are those at the"
         " beginning of the tick, with its inputs. The first limit that is left goes to the log, once."
     )
-    clamped = "with clamp inputs are held at their limits"
+    clamped = "with clamp (2) inputs are held at their limits"
     if region is not None:
         clamped += (
             f", {scheduling} follows no faster than in training, and derived outputs are worked out with"
         )
         clamped += f" what is left of {scheduling}"
     yield _paragraph(
-        f"{OUT_OF_RANGE} says what an input outside does: with warn it acts as it is; {clamped}; with error"
-        " the call is refused, and the instance can be reset. Outputs are never limited. An input held over a"
-        " long communication step jumps, and the jump counts."
+        f"{OUT_OF_RANGE} says what an input outside does: with warn (1) it acts as it is; {clamped}; with"
+        " error (3) the call is refused, and the instance can be reset. Outputs are never limited. An input"
+        " held over a long communication step jumps, and the jump counts, though in_range tells of the step's"
+        " last tick only."
     )
     if region is None:
         yield _paragraph(f"How fast {scheduling} moved in training is not known, nor at which frequencies.")

@@ -169,7 +169,8 @@ def test_another_region_is_another_fmu_and_the_card_says_what_it_is() -> None:
         "F_p was in 20 .. 150 N",
         "<td>F_p</td><td>N</td><td>20</td><td></td><td>150</td>",
         "<td>eta</td><td>0.2</td><td>104</td>",
-        "out_of_range says what an input outside does",
+        "out_of_range says what an input outside does: with warn (1)",
+        *("with clamp (2)", "with error (3)"),
     ):
         assert part in card
     assert "is not known, nor at which frequencies" in model_card(plain, interface(plain))

@@ -149,3 +149,13 @@ def test_a_linearisation_carries_the_region_of_the_data_its_limits_come_from() -
         "linear", model, "eta", (0.5, 2.5), signals, [FORCE], training=[data]
     ).trained_region
     assert found == trained_region([data], ("eta", "M_pa"), "eta", model.sample_time, [FORCE])
+
+
+@pytest.mark.parametrize("frequency", [3.0, 11.0, 40.0])
+def test_the_highest_frequency_of_a_sine_lies_at_most_two_lines_too_high(frequency: float) -> None:
+    """What docs/region.md promises: lines of 32.5 over the length."""
+    seconds = 15.0
+    found = frequency_band(np.sin(2.0 * np.pi * frequency * np.arange(0.0, seconds, TICK)), TICK)
+    assert found is not None
+    assert frequency <= found[1] <= frequency + 2.0 * 32.5 / seconds
+    assert frequency - 2.0 * 8.5 / seconds <= found[0] <= frequency

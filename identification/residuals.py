@@ -23,7 +23,7 @@ from scipy.signal.windows import hann
 
 from fmu_builder.errors import DataError, IdentificationError, SettingsError
 from fmu_builder.kernel import simulate
-from fmu_builder.parameter_set import ParameterSet, ResidualBands
+from fmu_builder.parameter_set import LOWEST_BAND_EDGE, ParameterSet, ResidualBands
 from identification.arrays import Array
 from identification.data_set import DataSet
 from identification.objective import outputs_of, refuse_other_scales
@@ -39,8 +39,6 @@ _LEAST_SECONDS = 2.0
 """Data of a height that are shorter tell nothing about it [s]."""
 _SLOPE = 4
 """Order of the low-passes, which are run forwards and backwards: 6 dB down at an edge, 48 dB per octave."""
-_LOWEST_EDGE = 0.01
-"""Of the bands [Hz]; far below it the low-passes cannot be computed in double precision."""
 _SETTLING = 3.0
 """Periods of an edge by which a record is continued at its ends before it is filtered."""
 _HOPS = 4
@@ -71,9 +69,9 @@ class ResidualSettings(BaseModel):
     def _ascend(cls, given: tuple[float, ...]) -> tuple[float, ...]:
         if any(right <= left for left, right in pairwise((0.0, *given))):
             raise ValueError("edges are positive and ascend")
-        if given and given[0] < _LOWEST_EDGE:
+        if given and given[0] < LOWEST_BAND_EDGE:
             raise ValueError(
-                f"an edge below {_LOWEST_EDGE:g} Hz needs records of many minutes; give higher ones"
+                f"an edge below {LOWEST_BAND_EDGE:g} Hz needs records of many minutes; give higher ones"
             )
         return given
 

@@ -29,10 +29,12 @@ from fmu_builder.parameter_set.components import (
     nested,
 )
 from fmu_builder.parameter_set.consistency import warp_rises
+from fmu_builder.parameter_set.evidence import LOWEST_BAND_EDGE
 from fmu_builder.parameter_set.model import ParameterSet, load, loads, model_hash, save
 
 __all__ = [
     "FORMAT",
+    "LOWEST_BAND_EDGE",
     "CommonExclusion",
     "DerivedOutput",
     "DerivedTerm",

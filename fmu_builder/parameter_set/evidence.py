@@ -9,6 +9,8 @@ from typing import Any
 from fmu_builder.errors import Problem
 
 Names = Sequence[str] | None
+LOWEST_BAND_EDGE = 0.01
+"""Between bands of frequency [Hz]; far below it low-passes cannot be computed in double precision."""
 
 
 def evidence_problems(
@@ -73,6 +75,10 @@ def _bands(one: Any, place: str, outputs: Names, named: Sequence[str]) -> Iterat
         yield Problem(
             f"{place}.frequencies[0]", f"{one.frequencies[0]!r} is negative", "Begin at 0 Hz or above"
         )
+    for index, edge in enumerate(one.frequencies[1:-1], start=1):
+        if 0.0 < edge < LOWEST_BAND_EDGE:
+            mend = f"Give edges of {LOWEST_BAND_EDGE:g} Hz or more"
+            yield Problem(f"{place}.frequencies[{index}]", f"{edge!r} is too low to tell bands apart", mend)
     if not 0.0 < one.coverage < 1.0:
         yield Problem(f"{place}.coverage", f"{one.coverage!r} is no share", "Give a number between 0 and 1")
     yield from _sizes(one, place)

@@ -79,6 +79,7 @@ def test_a_region_that_does_not_fit_is_refused(place: str, value: Any) -> None:
         ("output", "nobody"),
         ("positions[2]", [0.5, 1.25, 1.25]),
         ("frequencies[0]", [-1.0, 5.0, 15.0, 500.0]),
+        ("frequencies[1]", [0.0, 1e-7, 15.0, 500.0]),
         ("coverage", 1.0),
         ("total", [0.9]),
         ("seconds", [40.5, -1.0]),

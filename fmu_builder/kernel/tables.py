@@ -241,7 +241,7 @@ def _without_repetition(arrays: dict[str, Array], models: int) -> dict[str, int]
 def trained_move(parameter_set: ParameterSet) -> float:
     """Return how far the scheduling input moved per tick in training; the largest number: nobody knows."""
     region = parameter_set.trained_region
-    return _LARGEST if region is None else region.rate * parameter_set.sample_time
+    return _LARGEST if region is None else min(region.rate * parameter_set.sample_time, _LARGEST)
 
 
 def input_limits(parameter_set: ParameterSet) -> list[tuple[float, float]]:

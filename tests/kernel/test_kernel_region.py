@@ -109,3 +109,9 @@ def test_the_scheduling_input_is_limited_by_its_own_limits_and_by_the_range() ->
     tables = tables_of(network)
     assert (tables.arrays["input_minimum"][1], tables.arrays["input_maximum"][1]) == (0.9, networks.HIGH)
     assert flags(network, ramp([1.0, 0.8, 2.5, 2.6])) == [True, True, False, True, False]
+
+
+def test_a_rate_beyond_all_numbers_per_tick_is_no_limit_and_a_number_in_c() -> None:
+    slow = trained(networks.network(43, *VARIANT).replaced(sample_time=2.0), rate=1.7e308)
+    assert tables_of(slow).numbers["trained_move"] == sys.float_info.max
+    assert "inf" not in tables_header(tables_of(slow))

@@ -10,7 +10,7 @@ from typing import Any
 from cosimulation.progress import Reporter
 from cosimulation.result_folder import result_folder
 from cosimulation.scoring import marked_recommended
-from cosimulation.settings import load_settings, load_shipped_settings, settings_line
+from cosimulation.settings import load_settings, load_shipped_settings, settings_line, with_flags
 from cosimulation.study import (
     blending,
     compare,
@@ -106,8 +106,7 @@ def run(
     study = STUDIES[name]
     shipped = load_shipped_settings(study.settings, f"{name}.toml")
     settings = load_settings(study.settings, settings_file) if settings_file else shipped
-    if seeds:
-        settings = settings.model_copy(update={"seeds": seeds})
+    settings = with_flags(settings, seeds=seeds or None)
     reporter.say(settings_line(settings, settings_file or Path(f"{name}.toml"), shipped))
     with result_folder(output, f"llmn study {name} 1") as folder:
         white_box = build_wbm(folder / "fmus" / "pantograph_wbm.fmu", (host_platform(),))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from cosimulation.progress import Reporter
 from cosimulation.settings import Section
@@ -25,10 +25,25 @@ class StudySettings(Section):
     """What every study's TOML file holds; each study adds its own tables."""
 
     title: str
-    sets: tuple[str, ...] = ("A", "Blow")
-    seeds: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 7, 8)
+    sets: tuple[str, ...] = Field(("A", "Blow"), min_length=1)
+    seeds: tuple[int, ...] = Field((1, 2, 3, 4, 5, 6, 7, 8), min_length=1)
     limits: tuple[Limit, ...] = ()
     processes: int | None = Field(None, ge=1, description="all cores by default")
+
+    @field_validator("sets", "seeds")
+    @classmethod
+    def _differ(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Refuse what stands there twice: it would be done twice, and counted twice."""
+        if twice := sorted({value for value in values if values.count(value) > 1}):
+            raise ValueError(f"twice: {', '.join(map(str, twice))}")
+        return values
+
+    @field_validator("seeds")
+    @classmethod
+    def _are_seeds(cls, seeds: tuple[int, ...]) -> tuple[int, ...]:
+        if min(seeds) < 0:
+            raise ValueError("seeds are whole numbers from 0 on")
+        return seeds
 
 
 @dataclass(frozen=True)

@@ -224,6 +224,11 @@ def test_the_settings_that_come_with_a_study_are_valid_and_their_limits_can_be_m
         ({"configurations": [{"name": "one", "network": {}, "tables": ["no such"]}]}, "no table no such"),
         ({"tables": [{"name": "t", "title": "T", "text": ""}]}, "'one': stands in no table"),
         ({"configurations": [{"name": "one", "network": {}, "noises": ["loud"]}]}, "noises"),
+        ({"sets": []}, "sets"),
+        ({"sets": ["A", "A"]}, "twice: A"),
+        ({"seeds": []}, "seeds"),
+        ({"seeds": [3, 1, 3]}, "twice: 3"),
+        ({"seeds": [-1]}, "from 0 on"),
     ],
 )
 def test_settings_that_contradict_themselves_are_refused(changes: dict[str, Any], said: str) -> None:
@@ -237,6 +242,13 @@ def test_an_unknown_study_is_answered_with_the_known_ones(tmp_path: Path) -> Non
         run_study("ordre", tmp_path / "x")
     with pytest.raises(SettingsError, match="configurations"):
         parse_settings(KNOWN["blending"].settings, {"title": "x"}, "test")
+
+
+def test_seeds_of_the_command_line_are_checked_like_those_of_the_file(tmp_path: Path) -> None:
+    for seeds, said in (((101,), "signal_seed 101"), ((2, 2), "twice: 2"), ((-4,), "from 0 on")):
+        with pytest.raises(SettingsError, match=said):
+            run_study("compare", tmp_path / "x", seeds=seeds)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture(scope="module")

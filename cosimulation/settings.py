@@ -199,7 +199,11 @@ def _problem(model: type[BaseModel], source: str, error: Mapping[str, Any]) -> P
         return Problem(place, "there is no such key", mend.rstrip("."))
     if error["type"] == "missing":
         return Problem(place, "this key is needed and missing", "Add it")
-    return Problem(place, f"{error['msg']} (found {error.get('input')!r})", "Change the value")
+    found = error.get("input")
+    what = str(error["msg"]).removeprefix("Value error, ")
+    if isinstance(found, Mapping):  # a whole table, or the whole file, says nothing
+        return Problem(place, what, "Change the values")
+    return Problem(place, f"{what} (found {found!r})", "Change the value")
 
 
 def parse_settings(model: type[Model], values: Mapping[str, Any], source: str) -> Model:

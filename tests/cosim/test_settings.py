@@ -91,6 +91,11 @@ def test_values_that_cannot_be_worked_with_are_refused_at_once(values: dict[str,
     assert place in text
 
 
+def test_what_contradicts_itself_is_told_without_the_whole_table() -> None:
+    (text,) = problems({"static_map": {"low": 2.5, "high": 0.5, "heights": 9}})
+    assert text == "run.toml, static_map: low 2.5 is not below high 0.5. Change the values."
+
+
 def test_a_flag_is_checked_like_the_key_it_stands_in_for() -> None:
     settings = GenerateSettings(seed=3)
     assert with_flags(settings, seed=None) == settings

@@ -17,6 +17,7 @@ from cosimulation.progress import Reporter
 from cosimulation.settings import Section
 from cosimulation.study.limits import Limit, Verdict
 from cosimulation.threads import one_thread_each
+from fmus.wbm import parameter_sets
 
 Task = TypeVar("Task")
 
@@ -37,6 +38,14 @@ class StudySettings(Section):
         if twice := sorted({value for value in values if values.count(value) > 1}):
             raise ValueError(f"twice: {', '.join(map(str, twice))}")
         return values
+
+    @field_validator("sets")
+    @classmethod
+    def _are_known(cls, sets: tuple[str, ...]) -> tuple[str, ...]:
+        known = parameter_sets()
+        if unknown := sorted(set(sets) - set(known)):
+            raise ValueError(f"no white-box set {', '.join(unknown)}; there are {', '.join(known)}")
+        return sets
 
     @field_validator("seeds")
     @classmethod

@@ -226,6 +226,7 @@ def test_the_settings_that_come_with_a_study_are_valid_and_their_limits_can_be_m
         ({"configurations": [{"name": "one", "network": {}, "noises": ["loud"]}]}, "noises"),
         ({"sets": []}, "sets"),
         ({"sets": ["A", "A"]}, "twice: A"),
+        ({"sets": ["A", "X"]}, "no white-box set X; there are A, A60, B, Blow"),
         ({"seeds": []}, "seeds"),
         ({"seeds": [3, 1, 3]}, "twice: 3"),
         ({"seeds": [-1]}, "from 0 on"),

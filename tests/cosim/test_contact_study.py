@@ -231,6 +231,9 @@ def test_the_words_follow_the_figures(small: Small) -> None:
         ({"frictions": [{"name": "dry", "coulomb": 1.0}]}, "the first of the frictions"),
         ({"combinations": [{"friction": "wet", "amplitude": 1.0}]}, "name no friction: wet"),
         ({"ramp_counted": [0.5, 1.6]}, "inside ramp"),
+        ({"amplitudes": [0.1, -0.1]}, r"amplitudes\[2\]"),
+        ({"friction_amplitudes": [0.0]}, r"friction_amplitudes\[1\]"),
+        ({"torques": []}, "torques"),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(changes: dict[str, Any], said: str) -> None:

@@ -245,6 +245,7 @@ def test_the_trained_region_comes_from_the_parameter_set_first(monkeypatch: pyte
     [
         ({"values": [2.0, 1.0], "inside": 1.0}, "values must rise"),
         ({"values": [1.0, 2.0], "inside": 3.0}, "inside = 3 is none of its values"),
+        ({"values": [-1.0, 2.0], "inside": 2.0}, "-1 is not above zero"),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(changes: dict[str, Any], said: str) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field, model_validator
 
 from cosimulation.pantograph import TORQUE
 from cosimulation.settings import Section
 from cosimulation.study.runner import StudySettings
+
+Amplitude = Annotated[float, Field(gt=0)]
 
 
 class FrictionCase(Section):
@@ -29,7 +33,7 @@ class Combination(Section):
     """Friction and lift-off at once."""
 
     friction: str = Field(description="name of a friction case")
-    amplitude: float = Field(gt=0, description="of the excitation, 1 is the acceptance recipe's")
+    amplitude: Amplitude = Field(description="of the excitation, 1 is the acceptance recipe's")
     torque: float = TORQUE
 
 
@@ -38,9 +42,11 @@ class ContactSettings(StudySettings):
 
     duration: float = Field(120.0, gt=0, description="of every whole-range record [s]")
     frictions: tuple[FrictionCase, ...]
-    friction_amplitudes: tuple[float, ...] = Field(min_length=1, description="where friction is tried")
-    amplitudes: tuple[float, ...] = Field(min_length=1, description="where lift-off is tried")
-    torques: tuple[float, ...] = Field((TORQUE,), description="mean torques at which lift-off is tried [N.m]")
+    friction_amplitudes: tuple[Amplitude, ...] = Field(min_length=1, description="where friction is tried")
+    amplitudes: tuple[Amplitude, ...] = Field(min_length=1, description="where lift-off is tried")
+    torques: tuple[float, ...] = Field(
+        (TORQUE,), min_length=1, description="mean torques at which lift-off is tried [N.m]"
+    )
     combinations: tuple[Combination, ...] = ()
     jump: float = Field(0.02, gt=0, description="the wire is raised and dropped by this at once [m]")
     jump_height: float = Field(1.5, description="from this height [m]")

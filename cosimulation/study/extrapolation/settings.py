@@ -31,6 +31,8 @@ class Cause(Section):
             raise ValueError(f"cause {self.name!r}: values must rise")
         if self.inside not in self.values:
             raise ValueError(f"cause {self.name!r}: inside = {self.inside:g} is none of its values")
+        if self.name in ("speed", "noise", "frequency") and self.values[0] <= 0.0:
+            raise ValueError(f"cause {self.name!r}: {self.values[0]:g} is not above zero")
         return self
 
 

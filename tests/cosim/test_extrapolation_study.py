@@ -20,6 +20,7 @@ from cosimulation.study.extrapolation import ExtrapolationSettings, words
 from cosimulation.study.extrapolation.inputs import inputs_of, trained_region
 from cosimulation.study.extrapolation.results import Results
 from cosimulation.study.extrapolation.task import QUANTILE_MEASURE, RATIO_MEASURE, phasor, policies
+from cosimulation.study.limits import judge
 from cosimulation.study.runner import StudyResult
 from fmu_builder.errors import SettingsError
 from fmu_builder.kernel import simulate
@@ -238,6 +239,31 @@ def test_the_trained_region_comes_from_the_parameter_set_first(monkeypatch: pyte
     trained_region.cache_clear()
     assert trained_region(NETWORK, settings.cause("frequency")) == (0.1, 33.0)
     trained_region.cache_clear()
+
+
+def test_every_cause_leaves_the_region_that_any_network_was_trained_in() -> None:
+    settings = load_settings(ExtrapolationSettings, STUDIES / "extrapolation.toml")
+    for network in fmus.NETWORKS:
+        for cause in settings.causes:
+            region = trained_region(network, cause)
+            assert region is not None
+            assert region[0] <= cause.inside <= region[1]
+            assert min(cause.values) < region[0] or max(cause.values) > region[1]
+
+
+def test_a_clamped_wire_is_printed_and_not_held_against_the_network() -> None:
+    settings = load_settings(ExtrapolationSettings, STUDIES / "extrapolation.toml")
+    measure = "largest |F_p| beside the white-box model's"
+    served, clamped = (limit for limit in settings.limits if limit.measure == measure)
+    records = [
+        {"measure": measure, "policy": policy, "seed": 1, "value": value, "unit": "1"}
+        for policy, value in (("warn", 1.5), ("clamp", 3.5))
+    ]
+    assert (judge(served, [], records).worst, judge(served, [], records).passed) == (1.5, True)
+    assert (judge(clamped, [], records).worst, judge(clamped, [], records).passed) == (3.5, None)
+    records[0]["value"] = 2.5
+    assert judge(served, [], records).passed is False
+    assert judge(clamped, [], records[:1]).passed is None  # FMUs without the choice
 
 
 @pytest.mark.parametrize(

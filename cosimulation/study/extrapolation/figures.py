@@ -25,6 +25,8 @@ LOGARITHMIC = ("speed", "noise", "frequency")
 WORST_FIT = 0.0
 _INSIDE = "#dcefe0"
 _DASHED = (0, (4, 2))
+_LABEL_WIDTH = 0.07
+"""Of a label on an abscissa, with some room beside it, in widths of the abscissa."""
 
 
 def over_cause(results: Results, cause: Cause) -> Drawing:
@@ -87,9 +89,10 @@ def _curves(rows: list[Axes], results: Results, cause: Cause, wbm: str) -> None:
 def _ticks(axes: Axes, cause: Cause) -> None:
     """Label a logarithmic axis by the values that were tried, as many as there is room for."""
     axes.set_xscale("log")
+    apart = (cause.values[-1] / cause.values[0]) ** _LABEL_WIDTH
     chosen: list[float] = []
     for value in cause.values:
-        if not chosen or value / chosen[-1] >= 1.3:
+        if not chosen or value / chosen[-1] >= apart:
             chosen.append(value)
     axes.set_xticks(chosen, [f"{value:g}" for value in chosen])
     axes.minorticks_off()

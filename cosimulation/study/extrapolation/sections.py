@@ -22,6 +22,12 @@ _ABOUT = (
     "quarters of every record count. Model on model: where the white-box model has no answer either, no "
     "error is known."
 )
+_CLAMPED = (
+    " With out_of_range = warn inputs act as they are. With clamp they are held at their limits, and the wire "
+    "follows no faster than in training: the network then answers to another wire and torque than the "
+    "white-box model, noise included, and its error is theirs."
+)
+_WITHOUT = " These FMUs serve what is out of range and warn once."
 _TEXTS = {
     "height": (
         "The acceptance recipe at one height. Beyond the range the weights of the local models stay, and "
@@ -73,9 +79,9 @@ def sections(
         f"{settings.usable_fit:g} % or more there and everywhere between there and the value inside."
     )
     said = TextTable(caption, "", [f"white-box set {wbm}" for wbm in settings.sets], rows, prose=True)
-    without = "" if CLAMP in results.policies else " These FMUs serve what is out of range and warn once."
+    policy = _CLAMPED if CLAMP in results.policies else _WITHOUT
     return [
-        Section("In plain words", _ABOUT + without, text_tables=[said]),
+        Section("In plain words", _ABOUT + policy, text_tables=[said]),
         *(
             Section(
                 cause.name.capitalize(),

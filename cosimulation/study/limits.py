@@ -69,7 +69,7 @@ class Verdict:
         seeds: How many seeds there were.
         yardstick: Median of the limit's yardstick [%]; None without one.
         passed: None for a limit that only prints.
-        unit: Of a measure; % for a FIT.
+        unit: Of a measure, empty where it has none; % for a FIT.
         total: Sum over all matching records of a measure.
         records: How many they are.
     """
@@ -103,7 +103,7 @@ class Verdict:
         measured = f"median {self.median:7.3f}  worst {self.worst:7.3f}  ({seeds})"
         if self.limit.total is not None:
             measured = self.counted
-        return f"{word:<8}{self.limit.label:<62}{measured}  {', '.join(asked)}{thesis}{bound}"
+        return f"{word:<8}{self.limit.label:<61} {measured}  {', '.join(asked)}{thesis}{bound}"
 
 
 def plural(count: int, noun: str) -> str:
@@ -150,18 +150,20 @@ def _judge_measure(limit: Limit, measures: Sequence[Mapping[str, Any]]) -> Verdi
         raise KeyError(f"limit {limit.label!r}: no such field {', '.join(unknown)}")
     by_seed: dict[int, float] = {}
     found: list[float] = []
+    units: list[str] = []
     for one in named:
         if all(_matches(one[key], value) for key, value in limit.where.items()):
             value = np.inf if one["value"] is None else float(one["value"])
             by_seed[one["seed"]] = max(value, by_seed.get(one["seed"], -np.inf))
             found.append(value)
+            units.append(one["unit"])
     values = list(by_seed.values())
     median = float(np.median(values)) if values else float("nan")
     worst = float(np.max(values)) if values else float("nan")
     total = float(np.sum(found)) if found else float("nan")
     bounds = ((median, limit.median), (worst, limit.worst), (total, limit.total))
     asked = [value <= bound for value, bound in bounds if bound is not None]
-    unit = named[0]["unit"] if named else ""
+    unit = units[0] if units and units[0] != "1" else ""
     passed = all(asked) if asked else None
     return Verdict(limit, median, worst, len(values), None, passed, unit, total, len(found))
 

@@ -165,6 +165,14 @@ def test_measures_have_largest_values() -> None:
     assert judge(Limit(label="x", measure="error", where={}, median=2.9), [], measures).passed is False
 
 
+def test_a_verdict_has_the_unit_of_what_it_is_about() -> None:
+    measures = [measure(1, 2.0), measure(1, 7.0, wbm="B", unit="N.m"), measure(1, 0.5, wbm="C", unit="1")]
+    units = [judge(Limit(label="x", measure="error", where={"wbm": name}), [], measures).unit for name in "ABC"]
+    assert units == ["kg", "N.m", ""]
+    line = judge(Limit(label="x" * 80, measure="error", where={}), [], measures).line()
+    assert f"{'x' * 80} median" in line
+
+
 def test_what_is_counted_has_a_largest_sum() -> None:
     measures = [measure(1, 1.0), measure(1, 0.0), measure(2, 1.0), measure(3, 0.0, wbm="B")]
     limit = Limit(label="x", measure="error", where={"wbm": "A"}, total=2)

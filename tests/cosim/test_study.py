@@ -167,7 +167,9 @@ def test_measures_have_largest_values() -> None:
 
 def test_a_verdict_has_the_unit_of_what_it_is_about() -> None:
     measures = [measure(1, 2.0), measure(1, 7.0, wbm="B", unit="N.m"), measure(1, 0.5, wbm="C", unit="1")]
-    units = [judge(Limit(label="x", measure="error", where={"wbm": name}), [], measures).unit for name in "ABC"]
+    units = [
+        judge(Limit(label="x", measure="error", where={"wbm": name}), [], measures).unit for name in "ABC"
+    ]
     assert units == ["kg", "N.m", ""]
     line = judge(Limit(label="x" * 80, measure="error", where={}), [], measures).line()
     assert f"{'x' * 80} median" in line

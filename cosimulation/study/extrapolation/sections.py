@@ -23,8 +23,8 @@ _ABOUT = (
     "error is known."
 )
 _CLAMPED = (
-    " With out_of_range = warn inputs act as they are. With clamp they are held at their limits, and the wire "
-    "follows no faster than in training: the network then answers to another wire and torque than the "
+    " With out_of_range = warn inputs act as they are. With clamp they are held at their limits, and the "
+    "wire follows no faster than in training: the network then answers to another wire and torque than the "
     "white-box model, noise included, and its error is theirs."
 )
 _WITHOUT = " These FMUs serve what is out of range and warn once."

@@ -99,7 +99,7 @@ def _range(parameter_set: ParameterSet) -> Iterator[str]:
 def _region(parameter_set: ParameterSet) -> Iterator[str]:
     """What is watched, what is not, and what can be done about it."""
     region, scheduling = parameter_set.trained_region, parameter_set.partition.scheduling
-    watched = ", ".join(("in its last tick the inputs lay in their limits", *region_limits(parameter_set)))
+    watched = ", ".join(("in every tick of the last step the inputs lay in their limits", *region_limits(parameter_set)))
     yield _paragraph(
         f"in_range tells whether {watched}. Limits are the extremes of the training data, without a margin:"
         " other data of the same kind leave them now and then by a little. Derived outputs are those at the"
@@ -114,8 +114,7 @@ def _region(parameter_set: ParameterSet) -> Iterator[str]:
     yield _paragraph(
         f"{OUT_OF_RANGE} says what an input outside does: with warn (1) it acts as it is; {clamped}; with"
         " error (3) the call is refused, and the instance can be reset. Outputs are never limited. An input"
-        " held over a long communication step jumps, and the jump counts, though in_range tells of the step's"
-        " last tick only."
+        " held over a long communication step jumps, and the jump counts."
     )
     if region is None:
         yield _paragraph(f"How fast {scheduling} moved in training is not known, nor at which frequencies.")

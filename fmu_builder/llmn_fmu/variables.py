@@ -164,7 +164,7 @@ def _variables(parameter_set: ParameterSet, proof: StabilityProof | None) -> Ite
         causality="output",
         description=", ".join(
             (
-                "Whether the inputs of the last tick lie in the trained range",
+                "Whether the inputs of all ticks of the last step lie in the trained range",
                 *region_limits(parameter_set),
             )
         ),

@@ -109,9 +109,11 @@ class LlmnSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
         begin, end = self._position(current_time), self._position(current_time + step_size)
         if begin <= self.tick + _TICK_TOLERANCE:
             self.latched = self.inputs.copy()
+        kept: list[bool] = []
         with np.errstate(all="ignore"):
             while end >= self.tick + 1 - _TICK_TOLERANCE:
                 self.network.tick(self.latched)
+                kept.append(self.network.in_range)
                 if not np.isfinite(self.network.held).all():
                     self.mode = "failed"
                     self.log(
@@ -120,6 +122,8 @@ class LlmnSlave(Fmi2Slave):  # type: ignore[misc]  # pythonfmu has no types
                     return False
                 self.tick += 1
                 self.latched = self.inputs.copy()
+        if kept:  # in_range tells of all ticks of a step
+            self.network.in_range = all(kept)
         self.time = current_time + step_size
         return True
 

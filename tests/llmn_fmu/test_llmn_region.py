@@ -92,6 +92,17 @@ def test_an_input_held_over_a_long_step_jumps_and_a_slope_does_not(built: Callab
     assert not any("the rate of" in text for text in told(sloping))
 
 
+def test_in_range_tells_of_all_ticks_of_a_step(built: Callable[[str], Built]) -> None:
+    """The jump of a held input is in the first tick; a second later all is at rest again."""
+    fmu = built("surrogate")
+    slave = fmu.new()
+    assert begin(slave) == OK
+    for step, (height, kept) in enumerate([(1.5, 1), (1.505, 0), (1.505, 1)]):
+        assert slave.set([0], [height]) == OK
+        assert slave.step(float(step), 1.0) == OK
+        assert fmu.flag(slave) == kept
+
+
 def test_a_force_that_training_has_not_seen(built: Callable[[str], Built]) -> None:
     """The force at the beginning of the tick, of its inputs: that of a row of data."""
     fmu = built("surrogate")

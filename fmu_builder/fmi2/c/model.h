@@ -43,6 +43,9 @@ static double model_sample_time(const Model *model);
 /** steady state of the inputs; time is the start, s */
 static int model_initialise(Model *model, double time, const double *inputs, Message *message);
 
+/** ticks of a communication step or an event are about to come: an output that tells of all of them counts from here */
+static void model_step_begins(Model *model);
+
 /** t_n -> t_n+1 with the inputs in force at t_n = time, s */
 static int model_tick(Model *model, double time, const double *inputs, Message *message);
 

@@ -242,6 +242,9 @@ static int slave_step(Slave *slave, double time, double step, Message *message)
     if (begin <= (double)slave->tick + TICK_TOLERANCE) {
         slave_latch(slave, ((double)slave->tick - begin) * slave->sample_time);
     }
+    if (slave_tick_is_due(slave, end)) {
+        model_step_begins(&slave->model);
+    }
     while (slave_tick_is_due(slave, end)) {
         if (slave_tick(slave, message) != 0) {
             return 1;

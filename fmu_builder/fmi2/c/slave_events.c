@@ -54,6 +54,9 @@ static int slave_event_is_due(const Slave *slave)
 static int slave_update(Slave *slave, int64_t *missed, Message *message)
 {
     *missed = 0;
+    if (slave_event_is_due(slave)) {
+        model_step_begins(&slave->model);
+    }
     while (slave_event_is_due(slave)) {
         if (slave_tick(slave, message) != 0) {
             return 1;

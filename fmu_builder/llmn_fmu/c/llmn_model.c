@@ -92,17 +92,25 @@ static COLD int model_initialise(Model *model, double time, const double *given,
     return model_check(model, message);
 }
 
+/** in_range tells of all ticks of a step: a held input jumps in the first of them */
+static void model_step_begins(Model *model)
+{
+    kernel_view(&tables, model->state).in_range[0] = 1.0;
+}
+
 static int model_tick(Model *model, double time, const double *given, Message *message)
 {
     double limited[TABLES_INPUTS], acting[TABLES_INPUTS], value;
     const double *inputs = model_limited(model, given, limited), *last;
     Tables own;
     const Tables *network = model_network(model, &own);
+    const double so_far = kernel_view(&tables, model->state).in_range[0];
     const int left = kernel_left(network, model->state, given, model_acting(model, inputs, 0.0, acting), &value);
     if (left != REGION_KEPT && region_leave(&model->options, left, value, time, message)) {
         return 1;
     }
     kernel_remember(&tables, model->state, left, inputs[TABLES_SCHEDULING]);
+    kernel_view(&tables, model->state).in_range[0] *= so_far;
     last = model_acting(model, inputs, contact.half_tick, acting);
     kernel_tick(network, model->state, last);
     if (TABLES_CERTIFIED && last[TABLES_SCHEDULING] != inputs[TABLES_SCHEDULING]) {

@@ -70,6 +70,8 @@ static int model_initialise(Model *model, double time, const double *inputs, Mes
     return wbm_start(model, inputs, message);
 }
 
+static void model_step_begins(Model *model) { (void)model; }
+
 static int model_tick(Model *model, double time, const double *inputs, Message *message) {
     (void)time;
     return wbm_advance(model, inputs, message);

@@ -89,6 +89,11 @@ static int model_initialise(Model *model, double time, const double *inputs, Mes
     return 0;
 }
 
+static void model_step_begins(Model *model)
+{
+    (void)model;
+}
+
 static int model_tick(Model *model, double time, const double *inputs, Message *message)
 {
     const double first = model->state[0] + SAMPLE_TIME * lti_derivative(model, inputs, 0);

@@ -66,6 +66,11 @@ static int model_initialise(Model *model, double time, const double *inputs, Mes
     return 0;
 }
 
+static void model_step_begins(Model *model)
+{
+    (void)model;
+}
+
 static int model_tick(Model *model, double time, const double *inputs, Message *message)
 {
     (void)time;

@@ -51,8 +51,8 @@ class Row:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Return a number with a fixed number of decimals and a typographic minus."""
-    return f"{value:.{digits}f}".replace("-", MINUS) if np.isfinite(value) else "not finite"
+    """Return a number with a fixed number of decimals and a typographic minus, which zero has not."""
+    return f"{value:z.{digits}f}".replace("-", MINUS) if np.isfinite(value) else "not finite"
 
 
 def significant(value: float, digits: int = 4) -> str:

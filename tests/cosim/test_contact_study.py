@@ -216,7 +216,15 @@ def test_the_words_follow_the_figures(small: Small) -> None:
     strict = Results(settings.model_copy(update={"usable_fit": 99.99}), small.scores, small.findings)
     assert "not usable even without friction" in words.friction(strict, "Blow")
     assert "no hysteresis" in words.hysteresis(results, "Blow")
-    assert "regained after 67 ms" in words.raised(results, "Blow")
+    assert "Contact lost at once, regained after 67 ms" in words.raised(results, "Blow")
+    late = [
+        {**one, "reference": 0.004} if one.get("measure") == "first lift-off" else one
+        for one in small.findings
+    ]
+    never = [one for one in small.findings if one.get("measure") != "first lift-off"]
+    said = [words.raised(Results(settings, small.scores, one), "Blow") for one in (late, never)]
+    assert said[0].startswith("Contact lost after 4 ms, regained")
+    assert said[1].startswith("The white-box model keeps contact")
     assert "Not usable at any amplitude tried." in words.ignored(results, "Blow")
     lax = Results(settings.model_copy(update={"usable_fit": -1e3}), small.scores, small.findings)
     assert "Usable up to amplitude 0.3." in words.ignored(lax, "Blow")

@@ -12,7 +12,7 @@ from cosimulation.report.bands import model_tables
 from cosimulation.report.figures.drawing import envelope
 from cosimulation.report.figures.spectra import amplitude_density
 from cosimulation.report.modes import Mode, matched, modes
-from cosimulation.report.tables import colour_of, significant
+from cosimulation.report.tables import colour_of, number, significant
 from cosimulation.scoring import marked_recommended
 from fmu_builder.parameter_set import ResidualBands
 from identification.scores import FIELDS
@@ -72,6 +72,11 @@ def test_colours_go_from_red_over_yellow_to_green() -> None:
 )
 def test_numbers_read_well(value: float, text: str) -> None:
     assert significant(value) == text
+
+
+def test_zero_has_no_sign() -> None:
+    texts = [number(value, digits) for value, digits in ((-0.04, 1), (-0.4, 0), (-0.6, 0))]
+    assert texts == ["0.0", "0", "\N{MINUS SIGN}1"]
 
 
 def test_of_several_validation_records_the_mean_recommends() -> None:

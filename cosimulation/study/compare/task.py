@@ -69,9 +69,11 @@ def run_task(task: CompareTask) -> list[Record]:
 
 
 def _draw(task: CompareTask, seed: int) -> tuple[DataFolder, GenerateSettings]:
-    """Drive the white-box FMU as the demo does: its models of the same seed are these.
+    """Drive the white-box FMU as the demo does, but for one validation record in place of four.
 
-    What only one local model is validated on comes last, so that nothing else changes.
+    Models of the demo's seed are the demo's, except that a surrogate may be taken as the frequency response
+    gives it where four records would have it tuned, or the other way round. What only one local model is
+    validated on comes last, so that nothing else changes.
     """
     settings = task.settings
     experiments = (

@@ -93,8 +93,8 @@ _ABOUT = (
     "The networks that ship were identified on a white-box model without friction, with a wire that never "
     "lets go. Here they run as FMUs beside that model with friction, with a contact that opens, and with "
     "both. Nothing was identified anew. Amplitudes scale the acceptance recipe: 1 is 1.2 mm rms of wire "
-    "noise and torque steps of +-75 N.m; the last three quarters of every record count. The white-box model "
-    "stands in for a pantograph, it is none; no friction of a real one is published here."
+    "noise and torque steps of \N{PLUS-MINUS SIGN}75 N.m; the last three quarters of every record count. The "
+    "white-box model stands in for a pantograph, it is none; no friction of a real one is published here."
 )
 _FRICTION = (
     "The network has no state for friction: it answers as if there were none. While the wire moves slowly "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from cosimulation.pantograph import TORQUE
+from cosimulation.report.tables import number
 from cosimulation.study.contact.results import Results
 from cosimulation.study.contact.situation import Situation
 from cosimulation.study.contact.task import TWIN
@@ -38,7 +39,7 @@ def friction(results: Results, wbm: str) -> str:
         most = levels[-1]
         fit = results.worst_fit(wbm, most, "bilateral")
         usable = f"usable up to {last.coulomb:g} N.m" if last else "not usable even without friction"
-        parts.append(f"amplitude {amplitude:g}: {usable}; FIT {fit:.0f} % at {most.coulomb:g} N.m")
+        parts.append(f"amplitude {amplitude:g}: {usable}; FIT {number(fit, 0)} % at {most.coulomb:g} N.m")
     return "; ".join(parts) + "."
 
 
@@ -50,7 +51,7 @@ def other_signals(results: Results, wbm: str) -> str:
         signal: results.worst_fit(wbm, last, "bilateral", signal)
         for signal in ("xi", "xi_dot", "zeta", "zeta_dot", "F_H")
     }
-    said = ", ".join(f"{signal} {fit:.0f} %" for signal, fit in fits.items())
+    said = ", ".join(f"{signal} {number(fit, 0)} %" for signal, fit in fits.items())
     bad = [signal for signal, fit in fits.items() if not fit >= results.settings.usable_fit]
     verdict = f"Not usable: {', '.join(bad)}." if bad else "All of them are usable."
     return f"At {last.coulomb:g} N.m, full amplitude: {said}. {verdict}"
@@ -102,8 +103,8 @@ def single_bounces(results: Results, wbm: str) -> str:
     beyond = [one for one in ordered if one.amplitude > last.amplitude]
     if beyond:
         parts = [
-            f"{one.amplitude:g}: {results.worst_fit(wbm, one, 'unilateral'):.0f} % (twin "
-            f"{results.fit(wbm, TWIN, one, 'unilateral'):.0f} %)"
+            f"{one.amplitude:g}: {number(results.worst_fit(wbm, one, 'unilateral'), 0)} % (twin "
+            f"{number(results.fit(wbm, TWIN, one, 'unilateral'), 0)} %)"
             for one in beyond
         ]
         said += f" Not usable beyond, FIT at amplitude {', '.join(parts)}."
@@ -185,17 +186,22 @@ def torque(results: Results, wbm: str) -> str:
 
 
 def raised(results: Results, wbm: str) -> str:
-    """Say when contact is regained after the wire was raised."""
+    """Say when contact is lost and regained after the wire was raised."""
     one = results.jumps()[0]
+    name = results.networks(wbm)[0]
+    begin = 1e3 * results.value("first lift-off", wbm, name, one, "unilateral", "reference")
+    if begin != begin:
+        return "The white-box model keeps contact, or loses it for less than 5 ms."
     reference = 1e3 * results.value("first loss after a jump", wbm, WHITE_BOX, one, "unilateral")
     found = ", ".join(
         f"{model_of(name)} "
         f"{1e3 * results.value('first loss after a jump', wbm, name, one, 'unilateral'):.0f} ms"
         for name in results.networks(wbm)
     )
-    pull = results.value("smallest F_p", wbm, results.networks(wbm)[0], one, "bilateral")
+    pull = results.value("smallest F_p", wbm, name, one, "bilateral")
+    when = "at once" if begin == 0.0 else f"after {begin:.0f} ms"
     return (
-        f"Contact lost at once, regained after {reference:.0f} ms; {found}. With unilateral off the network "
+        f"Contact lost {when}, regained after {reference:.0f} ms; {found}. With unilateral off the network "
         f"pulls with {-pull:.0f} N instead."
     )
 
@@ -227,10 +233,10 @@ def both(results: Results, wbm: str) -> str:
         ]
         fit = results.worst_fit(wbm, one, "unilateral")
         word = "usable" if fit >= results.settings.usable_fit else "not usable"
+        twin = number(results.fit(wbm, TWIN, one, "unilateral"), 0)
         parts.append(
-            f"{one.friction}, amplitude {one.amplitude:g}: {word}, FIT {fit:.0f} % (twin "
-            f"{results.fit(wbm, TWIN, one, 'unilateral'):.0f} %), {share[1]:.1f} % without contact in place "
-            f"of {share[0]:.1f} %"
+            f"{one.friction}, amplitude {one.amplitude:g}: {word}, FIT {number(fit, 0)} % (twin {twin} %), "
+            f"{share[1]:.1f} % without contact in place of {share[0]:.1f} %"
         )
     return "; ".join(parts) + "." if parts else "Not tried."
 

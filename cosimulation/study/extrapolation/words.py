@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosimulation.report.tables import number
 from cosimulation.study.extrapolation.inputs import UNITS, trained_region
 from cosimulation.study.extrapolation.results import Results
 from cosimulation.study.extrapolation.settings import Cause
@@ -42,7 +43,7 @@ def span(results: Results, wbm: str, cause: Cause) -> str:
     parts = [f"Usable from {found[0]:g} to {found[1]:g}{unit}{trained}."]
     outer = [at for at in cause.values if not found[0] <= at <= found[1]]
     fits = {at: results.worst_fit(wbm, cause, at) for at in outer}
-    bad = [f"{at:g}{unit}: {fit:.0f} %" for at, fit in fits.items() if np.isfinite(fit)]
+    bad = [f"{at:g}{unit}: {number(fit, 0)} %" for at, fit in fits.items() if np.isfinite(fit)]
     if bad:
         parts.append(f"Beyond, FIT at {', '.join(bad)}.")
     silent = [f"{at:g}{unit}" for at, fit in fits.items() if np.isnan(fit)]
@@ -97,7 +98,9 @@ def clamped(results: Results, wbm: str, cause: Cause) -> str:
     for at in _ends(cause):
         fits = [results.worst_fit(wbm, cause, at, policy) for policy in (WARN, CLAMP)]
         if np.isfinite(fits).all():
-            parts.append(f"{at:g}{_unit(cause)}: FIT {fits[1]:.0f} % in place of {fits[0]:.0f} %")
+            parts.append(
+                f"{at:g}{_unit(cause)}: FIT {number(fits[1], 0)} % in place of {number(fits[0], 0)} %"
+            )
     return "; ".join(parts) + "." if parts else "Nothing to compare with at the ends."
 
 

@@ -99,7 +99,9 @@ def _range(parameter_set: ParameterSet) -> Iterator[str]:
 def _region(parameter_set: ParameterSet) -> Iterator[str]:
     """What is watched, what is not, and what can be done about it."""
     region, scheduling = parameter_set.trained_region, parameter_set.partition.scheduling
-    watched = ", ".join(("in every tick of the last step the inputs lay in their limits", *region_limits(parameter_set)))
+    watched = ", ".join(
+        ("in every tick of the last step the inputs lay in their limits", *region_limits(parameter_set))
+    )
     yield _paragraph(
         f"in_range tells whether {watched}. Limits are the extremes of the training data, without a margin:"
         " other data of the same kind leave them now and then by a little. Derived outputs are those at the"

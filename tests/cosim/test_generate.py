@@ -31,6 +31,7 @@ def foreign(blow: WholePath, tmp_path_factory: pytest.TempPathFactory) -> tuple[
         outputs=tuple(item.model_copy(update={"name": NAMES[item.name]}) for item in known.outputs),
         partition=known.partition.model_copy(update={"scheduling": "wire"}),
         derived_outputs=(),
+        trained_region=None,  # it goes by the old names
     )
     path = tmp_path_factory.mktemp("foreign") / "someone_elses.fmu"
     return build_llmn(renamed, path, PLATFORMS), renamed

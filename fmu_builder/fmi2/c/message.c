@@ -31,9 +31,8 @@ typedef struct {
 /** text number k of texts that stand one behind the other */
 static COLD const char *text_at(const char *texts, unsigned k)
 {
-    for (; k > 0; --k) {
-        while (*texts++ != '\0') {
-        }
+    while (k > 0) {
+        k -= *texts++ == '\0'; /* not a loop per text, which compilers make a call of strlen */
     }
     return texts;
 }

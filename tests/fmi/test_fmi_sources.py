@@ -46,11 +46,15 @@ def test_fmpy_compiles_it(lti_fmu: Path, tmp_path: Path) -> None:
         stop(f"fmpy compiles with programs that are not here: {', '.join(missing)}")
     copy = tmp_path / "lti_test.fmu"
     own = fmpy.simulate_fmu(str(lti_fmu), stop_time=0.05, output_interval=0.01, start_values={"drive": 2.0})
-    shutil.copy(lti_fmu, copy)
+    name = f"binaries/{host_platform()}/lti_test.so"
+    # CMake leaves alone what is as old as what it has built, to the second: ours must not be there.
+    with zipfile.ZipFile(lti_fmu) as ours, zipfile.ZipFile(copy, "w") as theirs:
+        for entry in ours.infolist():
+            if entry.filename != name:
+                theirs.writestr(entry, ours.read(entry))
     command = [sys.executable, "-m", "fmpy.cli", "compile", str(copy)]
     run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
-    name = f"binaries/{host_platform()}/lti_test.so"
     with zipfile.ZipFile(copy) as theirs, zipfile.ZipFile(lti_fmu) as ours:
         assert theirs.read(name) != ours.read(name)
     again = fmpy.simulate_fmu(str(copy), stop_time=0.05, output_interval=0.01, start_values={"drive": 2.0})

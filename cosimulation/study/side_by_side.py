@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -135,6 +136,40 @@ def network_labels(wbm: str, network: str, situation: str, seed: int) -> Record:
     """Return the labels of a score record of a network in a situation."""
     fixed = {"wbm": wbm, "data_set": situation, "noise": "none", "seed": seed, "split": "test"}
     return {**_known(network), **fixed, "recommended": True}
+
+
+class NetworkFits:
+    """FIT of the networks that ship, looked up by situation; the base of what a page needs of a study.
+
+    Args:
+        sets: White-box sets.
+        scores: Score records.
+    """
+
+    def __init__(self, sets: tuple[str, ...], scores: Sequence[Record]) -> None:
+        self.sets = sets
+        self._fits: dict[tuple[str, str, str, str], list[float]] = defaultdict(list)
+        for item in scores:
+            fit = -np.inf if item["fit"] is None else item["fit"]
+            self._fits[item["wbm"], item["model"], item["data_set"], item["signal"]].append(fit)
+
+    def networks(self, wbm: str) -> tuple[str, ...]:
+        """Return the networks of a white-box set."""
+        return networks_of(wbm)
+
+    def fits(self, wbm: str, network: str, situation: str, signal: str = "F_p") -> list[float]:
+        """Return the FIT of a signal [%], one per seed."""
+        return self._fits[wbm, model_of(network), situation, signal]
+
+    def smallest_fit(self, wbm: str, situation: str, signal: str = "F_p") -> float:
+        """Return the smallest FIT of a signal over networks and seeds [%], NaN where there is none."""
+        every = [fit for name in self.networks(wbm) for fit in self.fits(wbm, name, situation, signal)]
+        return min(every, default=float("nan"))
+
+
+def median(values: Sequence[float]) -> float:
+    """Return the median, NaN of nothing."""
+    return float(np.median(values)) if values else float("nan")
 
 
 def measured(name: str, value: float, unit: str, labels: Record) -> Record:

@@ -11,12 +11,12 @@ import numpy as np
 from cosimulation.pantograph import TORQUE
 from cosimulation.study.contact.settings import ContactSettings
 from cosimulation.study.contact.situation import Situation
-from cosimulation.study.side_by_side import Record, model_of, networks_of
+from cosimulation.study.side_by_side import NetworkFits, Record, median
 
 Points = dict[float, float]
 
 
-class Results:
+class Results(NetworkFits):
     """Scores and findings of a study, looked up by their labels.
 
     Args:
@@ -28,6 +28,7 @@ class Results:
     def __init__(
         self, settings: ContactSettings, scores: Sequence[Record], findings: Sequence[Record]
     ) -> None:
+        super().__init__(settings.sets, scores)
         self.settings = settings
         self._drawings = [item for item in findings if "drawing" in item]
         self._measures: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
@@ -35,19 +36,6 @@ class Results:
             if "measure" in item:
                 place = item["measure"], item["wbm"], item["network"], item["situation"]
                 self._measures[place].append(item)
-        self._fits: dict[tuple[Any, ...], list[float]] = defaultdict(list)
-        for item in scores:
-            fit = -np.inf if item["fit"] is None else item["fit"]
-            self._fits[item["wbm"], item["model"], item["data_set"], item["signal"]].append(fit)
-
-    @property
-    def sets(self) -> tuple[str, ...]:
-        """White-box sets."""
-        return self.settings.sets
-
-    def networks(self, wbm: str) -> tuple[str, ...]:
-        """Return the networks of a white-box set."""
-        return networks_of(wbm)
 
     def drawings(self, kind: str, wbm: str) -> list[Record]:
         """Return curves of one kind."""
@@ -55,23 +43,18 @@ class Results:
 
     def fit(self, wbm: str, network: str, situation: Situation, contact: str, signal: str = "F_p") -> float:
         """Return the median FIT of a signal [%], NaN where there is none."""
-        return _median(self._fits[wbm, model_of(network), situation.name(contact), signal])
+        return median(self.fits(wbm, network, situation.name(contact), signal))
 
     def value(
         self, measure: str, wbm: str, network: str, situation: Situation, contact: str, field: str = "value"
     ) -> float:
         """Return the median of a measure, or of what the white-box model has in its place ("reference")."""
         found = self._measures[measure, wbm, network, situation.name(contact)]
-        return _median([np.nan if item[field] is None else item[field] for item in found])
+        return median([np.nan if item[field] is None else item[field] for item in found])
 
     def worst_fit(self, wbm: str, situation: Situation, contact: str, signal: str = "F_p") -> float:
         """Return the smallest FIT of a signal over networks and seeds [%], NaN where there is none."""
-        fits = [
-            fit
-            for name in self.networks(wbm)
-            for fit in self._fits[wbm, model_of(name), situation.name(contact), signal]
-        ]
-        return min(fits, default=float("nan"))
+        return self.smallest_fit(wbm, situation.name(contact), signal)
 
     def largest(self, measure: str, wbm: str, situation: Situation, contact: str) -> float:
         """Return the largest value of a measure over networks and seeds, NaN where there is none."""
@@ -113,7 +96,3 @@ class Results:
         none = self.settings.frictions[0].name
         rises = self.settings.jump, -self.settings.jump
         return [Situation("jump", none, amplitude=rise, unilateral=True) for rise in rises]
-
-
-def _median(values: Sequence[float]) -> float:
-    return float(np.median(values)) if values else float("nan")

@@ -10,10 +10,10 @@ import numpy as np
 
 from cosimulation.study.extrapolation.settings import Cause, ExtrapolationSettings
 from cosimulation.study.extrapolation.task import CLAMP, WARN, situation
-from cosimulation.study.side_by_side import WHITE_BOX, Record, model_of, networks_of
+from cosimulation.study.side_by_side import WHITE_BOX, NetworkFits, Record, median
 
 
-class Results:
+class Results(NetworkFits):
     """Scores and findings of a study, looked up by their labels.
 
     Args:
@@ -25,6 +25,7 @@ class Results:
     def __init__(
         self, settings: ExtrapolationSettings, scores: Sequence[Record], findings: Sequence[Record]
     ) -> None:
+        super().__init__(settings.sets, scores)
         self.settings = settings
         self._measures: dict[tuple[Any, ...], list[float]] = defaultdict(list)
         clamped = False
@@ -34,40 +35,21 @@ class Results:
             self._measures[tuple(item[key] for key in keys)].append(value)
             clamped = clamped or item["policy"] == CLAMP
         self.policies = (WARN, CLAMP) if clamped else (WARN,)
-        self._fits: dict[tuple[Any, ...], list[float]] = defaultdict(list)
-        for item in scores:
-            fit = -np.inf if item["fit"] is None else item["fit"]
-            self._fits[item["wbm"], item["model"], item["data_set"], item["signal"]].append(fit)
-
-    @property
-    def sets(self) -> tuple[str, ...]:
-        """White-box sets."""
-        return self.settings.sets
-
-    def networks(self, wbm: str) -> tuple[str, ...]:
-        """Return the networks of a white-box set."""
-        return networks_of(wbm)
 
     def fit(self, wbm: str, network: str, cause: Cause, at: float, policy: str = WARN) -> float:
         """Return the median FIT of F_p [%], NaN where there is none."""
-        return _median(self._fits[wbm, model_of(network), situation(cause.name, at, policy), "F_p"])
+        return median(self.fits(wbm, network, situation(cause.name, at, policy)))
 
     def worst_fit(self, wbm: str, cause: Cause, at: float, policy: str = WARN) -> float:
         """Return the smallest FIT of F_p over networks and seeds [%], NaN where there is none."""
-        name = situation(cause.name, at, policy)
-        fits = [self._fits[wbm, model_of(network), name, "F_p"] for network in self.networks(wbm)]
-        return min((min(one) for one in fits if one), default=float("nan"))
+        return self.smallest_fit(wbm, situation(cause.name, at, policy))
 
     def value(
         self, measure: str, wbm: str, network: str, cause: Cause, at: float, policy: str = WARN
     ) -> float:
         """Return the median of a measure, NaN where there is none."""
-        return _median(self._measures[measure, wbm, network, cause.name, at, policy])
+        return median(self._measures[measure, wbm, network, cause.name, at, policy])
 
     def reference(self, measure: str, wbm: str, cause: Cause, at: float) -> float:
         """Return the median of a measure of the white-box model or of the inputs."""
         return self.value(measure, wbm, WHITE_BOX, cause, at)
-
-
-def _median(values: Sequence[float]) -> float:
-    return float(np.median(values)) if values else float("nan")

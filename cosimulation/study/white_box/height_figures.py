@@ -84,9 +84,7 @@ def over_height(
                 axes.plot(
                     found["heights"], values, color=INK if together else PALETTE[index],
                     linewidth=1.8 if together else 1.0,
-                    label=f"foretold, {'modes' if together else 'mode'} {name} alone".replace(
-                        " alone", "" if together else " alone"
-                    ),
+                    label=f"foretold, modes {name}" if together else f"foretold, mode {name} alone",
                 )  # fmt: skip
             points = [(one["height"], _drawn(one)) for one in errors[wbm]]
             axes.plot(
